@@ -1,0 +1,109 @@
+"""Adhesive elastic contact of Johnson, Kendall & Roberts (1971), for soft and strongly adhering spheres (large Tabor number).
+
+Source: Eqs. 13-15 of Frungieri & Vanni (2021), solved for the force.  With the adhesion force F_adh = 3/2 pi gamma a_eff, the
+contact radius without load b0 = (9 pi gamma a_eff^2 (1 - nu^2)/2E)^(1/3) and the length L = b0^2/a_eff,
+
+    h/L = y (4 - 6 y^3)/3,     F/F_adh = c^2 - 1,     c = 2 y^3 - 1,
+
+where y^2 = b/b0 is the contact radius over its value without load.  The branch of a bearing contact is y >= 2^(-1/3); it ends
+at the pull-off gap h_po = L 2^(-1/3)/3 with F = -F_adh and dF/dh = 0.  F > 0 is compression.  The radii of two different
+spheres enter through a_eff = 2 a1 a2/(a1 + a2) alone: F_adh ~ a_eff and L ~ a_eff^(1/3).
+
+Exact tests: Eq. 13 read backwards; the numbers of the paper's spheres (F_adh = 11.07 nN, h_eq = -0.317 nm, h_po = 0.126 nm,
+41.9 N/m without load); Hertz' law without adhesion in deep compression.
+"""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import Annotated, Any, NamedTuple
+
+from numba import njit
+from pydantic import Field
+
+from mcdem.effects.effect import Effect, force_unit
+from mcdem.units import Dimensionless, PositivePressure, PositiveSurfaceEnergy
+
+
+class JKR(Effect):
+    """Adhesive elastic contacts that bear tension up to the pull-off force."""
+
+    surface_energy: PositiveSurfaceEnergy
+    """gamma [J/m^2] of the solid against the medium; the work of adhesion is 2 gamma."""
+    elastic_modulus: PositivePressure
+    """E [Pa] of the primary particles."""
+    poisson_ratio: Annotated[Dimensionless, Field(gt=-1.0, le=0.5)]
+    """nu of the primary particles."""
+
+    def kernel(self, scene: Any) -> JKRKernel:
+        """The parameters in reduced units (length a, force 6 pi mu a^2 g), for two primaries of radius a."""
+        a = scene.suspension.radius
+        compliance = (1.0 - self.poisson_ratio**2) / self.elastic_modulus
+        contact_radius = (4.5 * pi * self.surface_energy * a**2 * compliance) ** (1.0 / 3.0)
+        return from_scales(
+            pull_off_force=1.5 * pi * self.surface_energy * a / force_unit(scene),
+            indentation=(contact_radius / a) ** 2,
+        )
+
+
+class JKRKernel(NamedTuple):
+    """Parameters of `force`, for a_eff = 1; each names the power of a_eff with which it grows."""
+
+    pull_off_force: float
+    """F_adh ~ a_eff"""
+    indentation: float
+    """L = b0^2/a_eff ~ a_eff^(1/3)"""
+    pull_off_gap: float
+    """h_po ~ a_eff^(1/3)"""
+    equilibrium_gap: float
+    """h_eq < 0, where F = 0, ~ a_eff^(1/3)"""
+    equilibrium_stiffness: float
+    """-dF/dh at h_eq, ~ a_eff^(2/3)"""
+
+
+def from_scales(pull_off_force: float, indentation: float) -> JKRKernel:
+    """The contact whose force and length scales, at a_eff = 1, are these."""
+    return JKRKernel(
+        pull_off_force=pull_off_force,
+        indentation=indentation,
+        pull_off_gap=indentation * 0.5 ** (1.0 / 3.0) / 3.0,
+        equilibrium_gap=-2.0 / 3.0 * indentation,
+        equilibrium_stiffness=1.8 * pull_off_force / indentation,
+    )
+
+
+@njit(cache=True)
+def root_of_contact_radius(s):
+    """y(s), the largest root of s = y (4 - 6 y^3)/3, for s = h/L up to pull-off (0.2646).
+
+    y^4 is a concave function of s, so its tangent at the equilibrium (s = -2/3, y = 1) bounds it from above, by less than
+    5 % in y however deep the compression; from there Halley's iteration falls on the root to round-off in three steps.
+    """
+    y = sqrt(sqrt(0.6 * (1.0 - s)))
+    for _ in range(3):
+        cube = y * y * y
+        value = y * (cube - 2.0 / 3.0) + 0.5 * s
+        slope = 4.0 * cube - 2.0 / 3.0
+        y -= value * slope / (slope * slope - 6.0 * y * y * value)
+    return y
+
+
+@njit(cache=True)
+def force(h, radius, p):
+    """Force (F, dF/dh) of a contact at gap `h` between spheres of harmonic mean radius `radius`; F > 0 repels.
+
+    Beyond the pull-off gap, where there is no equilibrium, F = -F_adh and dF/dh = 0: continuous, so that an iteration may step
+    across it; whether the contact still exists there is for the caller to say.
+    """
+    pull_off_force = p.pull_off_force * radius
+    growth = radius ** (1.0 / 3.0) if radius != 1.0 else 1.0
+    indentation = p.indentation * growth
+    if h >= p.pull_off_gap * growth:
+        return -pull_off_force, 0.0
+    y = root_of_contact_radius(h / indentation)
+    cube = y * y * y
+    c = 2.0 * cube - 1.0
+    return (
+        4.0 * pull_off_force * cube * (cube - 1.0),
+        -9.0 * c * y * y / (6.0 * cube - 1.0) * (pull_off_force / indentation),
+    )
