@@ -9,9 +9,11 @@ from __future__ import annotations
 import difflib
 import types
 import typing
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticUndefined
 
 from mcdem.units import Quantity
@@ -46,15 +48,18 @@ def keys(model: type[BaseModel], table: str = "") -> list[Key]:
             found.append(Key(path, "", "table", "absent" if optional else "", meaning))
             found += keys(inner, path)
             continue
-        if field.default is PydanticUndefined:
-            default = "required"
-        elif field.default is None:
-            default = "none"
-        else:
-            default = (field.json_schema_extra or {}).get("default", field.default)  # type: ignore[union-attr]
         meaning = " ".join((field.description or "").split())
-        found.append(Key(table, name, _expected(field.annotation, field.metadata), str(default), meaning))
+        found.append(Key(table, name, _expected(field.annotation, field.metadata), _default(field), meaning))
     return found
+
+
+def _default(field: FieldInfo) -> str:
+    if field.default is PydanticUndefined:
+        return "required"
+    if field.default is None:
+        return "none"
+    unit = next((mark.si for mark in _quantities(field.annotation, field.metadata)), "")
+    return _toml(f"{field.default:g} {unit}" if unit else field.default)
 
 
 def explain(error: ValidationError, model: type[BaseModel], source: str) -> str:
@@ -131,10 +136,21 @@ def _table_type(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
     return (tables[0] if tables else None), type(None) in options
 
 
-def _expected(annotation: Any, metadata: list[Any] | tuple[Any, ...] = ()) -> str:
-    for mark in metadata:
-        if isinstance(mark, Quantity):
-            return mark.expected
+def _quantities(annotation: Any, metadata: Iterable[Any] = ()) -> list[Quantity]:
+    """The marks of `mcdem.units` on an annotation, inside `| None` too."""
+    found = [mark for mark in metadata if isinstance(mark, Quantity)]
+    for inner in typing.get_args(annotation):
+        found += _quantities(inner, getattr(inner, "__metadata__", ()))
+    return found
+
+
+def _expected(annotation: Any, metadata: Iterable[Any] = ()) -> str:
+    signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+    marks = list(metadata)
+    bounds = [f"{signs[n]} {getattr(m, n)}" for m in marks for n in signs if getattr(m, n, None) is not None]
+    quantities = _quantities(annotation, marks)
+    if quantities:
+        return " ".join([quantities[0].expected, *bounds])
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Annotated:
         return _expected(arguments[0], arguments[1:])
@@ -143,10 +159,6 @@ def _expected(annotation: Any, metadata: list[Any] | tuple[Any, ...] = ()) -> st
     if origin in (typing.Union, types.UnionType):
         return " or ".join(_expected(option) for option in arguments if option is not type(None))
     words = {int: "an integer", float: "a number", bool: "true or false", str: "text"}
-    signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
-    bounds = [
-        f"{signs[n]} {getattr(m, n)}" for m in metadata for n in signs if getattr(m, n, None) is not None
-    ]
     return " ".join([words.get(annotation, str(annotation)), *bounds])
 
 

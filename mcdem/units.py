@@ -71,7 +71,7 @@ class Quantity:
                 raise self._refusal("has no unit")
             return float(given)
         try:
-            quantity = _read(given) if isinstance(given, str) else given
+            quantity: Any = _read(given) if isinstance(given, str) else given
             found = quantity.units
         except Exception as problem:  # pint raises a dozen unrelated classes on text that it cannot read
             raise self._refusal("is not a number with a unit that can be read") from problem
@@ -100,7 +100,10 @@ def unit_registry() -> pint.UnitRegistry:
 
 def _read(text: str) -> pint.Quantity:
     """A number followed by a unit.  pint alone would read "5,5 nm" as 55 nm and "nm" as 1 nm."""
-    number, unit = re.fullmatch(rf"\s*({NUMBER})\s*(.*?)\s*", text).groups()
+    parts = re.fullmatch(rf"\s*({NUMBER})\s*(.*?)\s*", text)
+    if parts is None:
+        raise ValueError(text)
+    number, unit = parts.groups()
     if unit.startswith("/"):
         unit = "1" + unit
     return unit_registry().Quantity(Decimal(number), unit_registry().parse_units(unit))

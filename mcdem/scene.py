@@ -1,0 +1,265 @@
+"""The scene: what is simulated, read from a TOML file with units and checked once.
+
+Everything downstream reads SI floats from a frozen `Scene`.  Effects that the file does not name are `None` and are
+not simulated; every other table but `[suspension]` and `[flow]` may be left out and then has the defaults below.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, Self
+
+import tomlkit
+import tomlkit.exceptions
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
+
+from mcdem.effects import Effects
+from mcdem.errors import SceneError
+from mcdem.table import Key, Table, explain, keys
+from mcdem.units import (
+    NonNegativeDimensionless,
+    PositiveDimensionless,
+    PositiveLength,
+    PositiveRate,
+    PositiveStress,
+    PositiveTime,
+    PositiveViscosity,
+)
+
+
+class Suspension(Table):
+    """The primary particles and how many of them there are."""
+
+    radius: PositiveLength
+    """Radius a of the primary particles."""
+    volume_fraction: Annotated[PositiveDimensionless, Field(lt=0.74)]
+    """Volume of the primary particles over that of the suspension; encounters are binary, so it should be small."""
+
+
+class Flow(Table):
+    """The undisturbed flow: u = (0, 0, g y), with gradient along y and vorticity along x.
+
+    The file gives exactly two of `shear_rate`, `viscosity` and `shear_stress`; the third follows.
+    """
+
+    kind: Literal["simple_shear"] = "simple_shear"
+    """Which steady linear flow."""
+    shear_rate: PositiveRate = 0.0
+    """Shear rate g."""
+    viscosity: PositiveViscosity = 0.0
+    """Viscosity mu of the medium."""
+    shear_stress: PositiveStress = 0.0
+    """Shear stress mu g of the undisturbed flow."""
+
+    @model_validator(mode="after")
+    def _two_give_the_third(self) -> Self:
+        given = self.model_fields_set & {"shear_rate", "viscosity", "shear_stress"}
+        if len(given) != 2:
+            found = " and ".join(sorted(given)) or "none"
+            raise ValueError(f"give exactly two of shear_rate, viscosity and shear_stress (found {found})")
+        if "shear_stress" not in given:
+            self.__dict__["shear_stress"] = self.viscosity * self.shear_rate
+        elif "viscosity" not in given:
+            self.__dict__["viscosity"] = self.shear_stress / self.shear_rate
+        else:
+            self.__dict__["shear_rate"] = self.shear_stress / self.viscosity
+        return self
+
+
+class Hydrodynamics(Table):
+    """How the particles feel each other through the fluid."""
+
+    level: Literal["stokesian"] = "stokesian"
+    """Force-torque-stresslet far field with pair lubrication."""
+    lubrication_cutoff: NonNegativeDimensionless = 5e-3
+    """Gap over radius, delta, below which lubrication is kept at its value there; 0 for none (Frungieri & Vanni, section 2.2.1)."""
+
+
+class Numerics(Table):
+    """How an encounter is integrated and how events are drawn."""
+
+    scheme: Literal["implicit", "paper"] = "implicit"
+    """"implicit": contacts solved at the end of the step; "paper": explicit Euler with the time step of Eq. 20."""
+    max_step: PositiveDimensionless = 0.1
+    """Longest step of the implicit scheme, in units of 1/g."""
+    start_distance: Annotated[PositiveDimensionless, Field(ge=1.0)] = 5.0
+    """Distance upstream at which the second aggregate starts, in units of R_i + R_j."""
+    rotations: NonNegativeDimensionless = 8.0
+    """Rotations N_rot that follow the approach (Eq. 21)."""
+    paper_base_step: PositiveTime = 1e-6
+    """Base time step dt_b of the paper's scheme (Table 1)."""
+    paper_step_velocity: Literal["relative", "normal"] = "relative"
+    """Velocity that Eq. 20 bounds: "relative", its literal reading, or "normal", that along the line of centres."""
+    pair_selection: Literal["clocks", "inversion"] = "clocks"
+    """"clocks": each pair carries an exponential waiting time; "inversion": the paper's Eqs. 4-6. Equal in distribution."""
+
+
+class Population(Table):
+    """The sample of the suspension that is followed."""
+
+    initial: Annotated[int, Field(ge=2)] = 200
+    """Number of primary particles, all free, at the start."""
+    doubling_below: Annotated[NonNegativeDimensionless, Field(lt=1.0)] = 0.75
+    """The sample is doubled by exact copy when its aggregates become fewer than this fraction of `initial`; 0 for never."""
+
+
+class Run(Table):
+    """When to stop, what to keep.  The command line may override it."""
+
+    until: PositiveTime | None = None
+    """Process time at which the run stops."""
+    events: Annotated[int, Field(gt=0)] | None = None
+    """Number of encounters after which the run stops."""
+    seed: Annotated[int, Field(ge=0)] = 1
+    """Seed of every random stream."""
+    snapshot_every: PositiveTime = 1.0
+    """Process time between two records of every aggregate's geometry."""
+
+
+class ReducedUnits(NamedTuple):
+    """SI values of the units of the compiled code: a single sphere has translational resistance 1 in them."""
+
+    length: float
+    """a [m]"""
+    time: float
+    """1/g [s]"""
+    force: float
+    """6 pi mu a^2 g [N]"""
+
+    @property
+    def velocity(self) -> float:
+        """a g [m/s]."""
+        return self.length / self.time
+
+    @property
+    def energy(self) -> float:
+        """6 pi mu a^3 g, the unit of torque and stresslet too [J]."""
+        return self.force * self.length
+
+    @property
+    def stiffness(self) -> float:
+        """6 pi mu a g [N/m]."""
+        return self.force / self.length
+
+
+class Scene(Table):
+    """All that a run depends on.  Two scenes are equal when their tables are, whatever their file's wording."""
+
+    suspension: Suspension
+    flow: Flow
+    effects: Effects = Field(default_factory=Effects)
+    hydrodynamics: Hydrodynamics = Field(default_factory=Hydrodynamics)
+    numerics: Numerics = Field(default_factory=Numerics)
+    population: Population = Field(default_factory=Population)
+    run: Run = Field(default_factory=Run)
+
+    _text: str = PrivateAttr("")
+    _path: Path | None = PrivateAttr(None)
+
+    @classmethod
+    def from_text(cls, text: str, path: Path | str | None = None) -> Self:
+        """The scene that a TOML text describes; `path` is named by errors.
+
+        Raises `SceneError`, one line a problem: file, table, key, value, what was expected.
+        """
+        source = str(path) if path is not None else "scene"
+        try:
+            tables = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as problem:
+            raise SceneError(f"{source}: not valid TOML: {problem}") from None
+        try:
+            scene = cls.model_validate(tables)
+        except ValidationError as problem:
+            raise SceneError(explain(problem, cls, source)) from None
+        scene._text = text
+        scene._path = Path(path) if path is not None else None
+        return scene
+
+    def with_changes(self, changes: Mapping[str, Any]) -> Self:
+        """The scene with other values at dotted keys: `{"flow.shear_stress": "750 Pa", "effects.jkr": None}`.
+
+        Values are written as in the file, `None` removes a key or a table.  Of shear rate, viscosity and shear
+        stress two stay: a new stress replaces the viscosity, a new shear rate or viscosity the stress.
+        Comments of the text are kept.  Raises `SceneError` as `from_text` does.
+        """
+        document = tomlkit.parse(self.text)
+        for dotted, value in changes.items():
+            *tables, key = dotted.split(".")
+            table: Any = document
+            for name in tables:
+                table = table.setdefault(name, tomlkit.table())
+                if not isinstance(table, dict):
+                    raise SceneError(f'{self.name}: cannot set "{dotted}": "{name}" is a key, not a table')
+            if value is None:
+                table.pop(key, None)
+                continue
+            if tables == ["flow"]:
+                _make_room(table, key)
+            table[key] = value.item() if hasattr(value, "item") else value
+        return type(self).from_text(tomlkit.dumps(document), self.path)
+
+    @property
+    def text(self) -> str:
+        """The TOML text that the scene was read from."""
+        return self._text
+
+    @property
+    def path(self) -> Path | None:
+        """The file, if it came from one."""
+        return self._path
+
+    @property
+    def name(self) -> str:
+        """The file's name without its ending."""
+        return self._path.stem if self._path else "scene"
+
+    @property
+    def question(self) -> str:
+        """The question that the scene asks: the comment in its first line."""
+        first = self._text.lstrip().partition("\n")[0]
+        return first.lstrip("# ").rstrip() if first.startswith("#") else ""
+
+    @property
+    def reduced(self) -> ReducedUnits:
+        """The units of the compiled code."""
+        radius, rate = self.suspension.radius, self.flow.shear_rate
+        return ReducedUnits(radius, 1.0 / rate, 6.0 * math.pi * self.flow.viscosity * radius**2 * rate)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Scene) and self.__dict__ == other.__dict__
+
+    def __hash__(self) -> int:
+        return hash(tuple(self.__dict__.values()))
+
+
+def _make_room(flow: Any, key: str) -> None:
+    """Remove the one of the three flow quantities that a new value of `key` replaces."""
+    gives_way = {
+        "shear_stress": ("viscosity", "shear_rate"),
+        "viscosity": ("shear_stress", "shear_rate"),
+        "shear_rate": ("shear_stress", "viscosity"),
+    }
+    if key not in gives_way or key in flow:
+        return
+    for other in gives_way[key]:
+        if len(flow.keys() & gives_way.keys()) >= 2:
+            flow.pop(other, None)
+
+
+def load_scene(path: Path | str) -> Scene:
+    """Read and check a scene file; raises `SceneError` naming file, table, key, value and cure."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except OSError as problem:
+        raise SceneError(f"{path}: cannot be read: {problem.strerror}") from None
+    except UnicodeDecodeError as problem:
+        raise SceneError(f"{path}: cannot be read: byte {problem.start} is not UTF-8 text") from None
+    return Scene.from_text(text, path)
+
+
+def describe() -> list[Key]:
+    """Every key a scene file may have, with what is expected, its default and its meaning."""
+    return keys(Scene)
