@@ -1,10 +1,41 @@
-"""Shear aggregation and breakup of colloids: Monte Carlo over encounters resolved by Stokesian dynamics."""
+"""Shear aggregation and breakup of colloids: Monte Carlo over encounters resolved by Stokesian dynamics.
+
+    scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    result = mcdem.simulate_encounter(scene, aggregate_i, aggregate_j, seed=1)
+
+Names are imported when they are first used, so that a command that needs no compiled code does not wait for it.
+"""
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mcdem import compiled_cache
 
+if TYPE_CHECKING:
+    from mcdem.errors import UserError as UserError
+    from mcdem.scene import Scene as Scene
+    from mcdem.scene import load_scene as load_scene
+
 # Before the first kernel is decorated.
 compiled_cache.key_by_sources(Path(__file__).parent)
+
+_HOME = {
+    "Scene": "mcdem.scene",
+    "load_scene": "mcdem.scene",
+    "UserError": "mcdem.errors",
+}
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module 'mcdem' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOME])

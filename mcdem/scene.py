@@ -29,6 +29,9 @@ from mcdem.units import (
     PositiveViscosity,
 )
 
+# Marks the key of a table that follows from the other keys, until they are read.
+FROM_THE_OTHERS = math.nan
+
 
 class Suspension(Table):
     """The primary particles and how many of them there are."""
@@ -47,11 +50,11 @@ class Flow(Table):
 
     kind: Literal["simple_shear"] = "simple_shear"
     """Which steady linear flow."""
-    shear_rate: PositiveRate = 0.0
+    shear_rate: PositiveRate = FROM_THE_OTHERS
     """Shear rate g."""
-    viscosity: PositiveViscosity = 0.0
+    viscosity: PositiveViscosity = FROM_THE_OTHERS
     """Viscosity mu of the medium."""
-    shear_stress: PositiveStress = 0.0
+    shear_stress: PositiveStress = FROM_THE_OTHERS
     """Shear stress mu g of the undisturbed flow."""
 
     @model_validator(mode="after")

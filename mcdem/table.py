@@ -58,6 +58,8 @@ def _default(field: FieldInfo) -> str:
         return "required"
     if field.default is None:
         return "none"
+    if field.default != field.default:
+        return "from the others"
     unit = next((mark.si for mark in _quantities(field.annotation, field.metadata)), "")
     return _toml(f"{field.default:g} {unit}" if unit else field.default)
 
@@ -92,7 +94,7 @@ def _sentence(
         known = ", ".join(owner.model_fields) if owner else ""
         return f'{where}unknown {what} "{key}"; {cure or f"known here: {known}"}'
     if kind == "missing":
-        field = owner.model_fields[key] if owner else None
+        field = owner.model_fields.get(key) if owner else None
         if field is not None and _table_type(field.annotation)[0] is not None:
             return f"table [{'.'.join(path)}] is missing; `mcdem describe` lists its keys"
         expected = _expected(field.annotation, field.metadata) if field else "a value"
@@ -104,8 +106,9 @@ def _sentence(
     if kind == "value_error":  # raised by a table's own validator, which names its keys
         place = f"[{'.'.join(path)}] " if isinstance(given, dict) else f"{where}{key} = {_toml(given)}: "
         return f"{place}{str(detail['msg']).removeprefix('Value error, ')}"
-    expected = str(detail["msg"]).replace("Input should be", "expected")
-    return f"{where}{key} = {_toml(given)}; {expected}"
+    field = owner.model_fields.get(key) if owner else None
+    expected = _expected(field.annotation, field.metadata) if field else str(detail["msg"])
+    return f"{where}{key} = {_toml(given)}; expected {expected}"
 
 
 def _path(detail: ErrorDetails) -> tuple[str, ...]:
@@ -145,12 +148,12 @@ def _quantities(annotation: Any, metadata: Iterable[Any] = ()) -> list[Quantity]
 
 
 def _expected(annotation: Any, metadata: Iterable[Any] = ()) -> str:
+    marks = [part for mark in metadata for part in (mark.metadata if isinstance(mark, FieldInfo) else [mark])]
     signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
-    marks = list(metadata)
-    bounds = [f"{signs[n]} {getattr(m, n)}" for m in marks for n in signs if getattr(m, n, None) is not None]
+    bounds = " and ".join(f"{signs[n]} {getattr(m, n):g}" for m in marks for n in signs if hasattr(m, n))
     quantities = _quantities(annotation, marks)
     if quantities:
-        return " ".join([quantities[0].expected, *bounds])
+        return f"{quantities[0].kind} {bounds}" if bounds else quantities[0].expected
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Annotated:
         return _expected(arguments[0], arguments[1:])
@@ -159,7 +162,7 @@ def _expected(annotation: Any, metadata: Iterable[Any] = ()) -> str:
     if origin in (typing.Union, types.UnionType):
         return " or ".join(_expected(option) for option in arguments if option is not type(None))
     words = {int: "an integer", float: "a number", bool: "true or false", str: "text"}
-    return " ".join([words.get(annotation, str(annotation)), *bounds])
+    return f"{words.get(annotation, str(annotation))} {bounds}".rstrip()
 
 
 def _toml(value: object) -> str:

@@ -45,11 +45,15 @@ class Quantity:
         return replace(self, sign="non-negative")
 
     @property
+    def kind(self) -> str:
+        """In words: 'a positive length'."""
+        words = self.dimension if self.sign == "any" else f"{self.sign} {self.dimension}"
+        return f"{'an' if words[0] in 'aeiou' else 'a'} {words}"
+
+    @property
     def expected(self) -> str:
-        """What to write, in words: 'a positive length, such as "500 nm"'."""
-        kind = self.dimension if self.sign == "any" else f"{self.sign} {self.dimension}"
-        article = "an" if kind[0] in "aeiou" else "a"
-        return f"{article} {kind}, such as {self.example}"
+        """What to write: 'a positive length, such as "500 nm"'."""
+        return f"{self.kind}, such as {self.example}"
 
     def to_si(self, given: object) -> float:
         """SI value of `given` (text with a unit, a pint quantity, or a bare number if dimensionless).
