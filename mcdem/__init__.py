@@ -28,7 +28,7 @@ _HOME = {
     "UserError": "mcdem.errors",
 }
 
-__all__ = sorted(_HOME)
+__all__ = ["Scene", "UserError", "load_scene"]
 
 
 def __getattr__(name: str) -> object:

@@ -2,6 +2,8 @@
 
 Everything downstream reads SI floats from a frozen `Scene`.  Effects that the file does not name are `None` and are
 not simulated; every other table but `[suspension]` and `[flow]` may be left out and then has the defaults below.
+
+"The paper" is Frungieri & Vanni (2021), Aggregation and breakup of colloidal particle aggregates in shear flow.
 """
 
 from __future__ import annotations
@@ -78,7 +80,7 @@ class Hydrodynamics(Table):
     level: Literal["stokesian"] = "stokesian"
     """Force-torque-stresslet far field with pair lubrication."""
     lubrication_cutoff: NonNegativeDimensionless = 5e-3
-    """Gap over radius, delta, below which lubrication is kept at its value there; 0 for none (Frungieri & Vanni, section 2.2.1)."""
+    """Gap over radius, delta, below which lubrication keeps its value there; 0 for no cut-off (paper, section 2.2.1)."""
 
 
 class Numerics(Table):

@@ -94,15 +94,15 @@ class Quantity:
 
 
 @cache
-def unit_registry() -> pint.UnitRegistry:
-    """The one registry of units; built when the first text with a unit is read, for that takes half a second."""
+def unit_registry() -> pint.UnitRegistry[Any]:
+    """The one registry of units; built when the first text with a unit is read, for that takes a third of a second."""
     import pint
 
     # Decimal prefixes: 500 nm is the float 5e-7 that one would type, not its neighbour.
-    return pint.UnitRegistry(non_int_type=Decimal, cache_folder=":auto:")
+    return pint.UnitRegistry(non_int_type=Decimal)
 
 
-def _read(text: str) -> pint.Quantity:
+def _read(text: str) -> pint.Quantity[Any]:
     """A number followed by a unit.  pint alone would read "5,5 nm" as 55 nm and "nm" as 1 nm."""
     parts = re.fullmatch(rf"\s*({NUMBER})\s*(.*?)\s*", text)
     if parts is None:
