@@ -1,0 +1,123 @@
+"""`mcdem encounter`: one encounter of two aggregates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mcdem.commands import SceneFile, read_quantity
+from mcdem.errors import UserError
+from mcdem.units import LENGTH
+
+if TYPE_CHECKING:
+    from mcdem.aggregate import Aggregate
+    from mcdem.encounter import EncounterResult
+    from mcdem.scene import Scene
+
+AGGREGATE = "A number P: a straight chain of P primaries. A file: a row x y z for each primary, in units of its radius."
+
+
+def encounter(
+    scene: SceneFile,
+    first: Annotated[
+        str, typer.Option("--first", "-i", metavar="AGGREGATE", help=f"Aggregate i. {AGGREGATE}")
+    ] = "1",
+    second: Annotated[
+        str, typer.Option("--second", "-j", metavar="AGGREGATE", help="Aggregate j, the same way.")
+    ] = "1",
+    offset: Annotated[
+        tuple[str, str] | None,
+        typer.Option(
+            metavar="X0 Y0",
+            help='Offset of j along vorticity and gradient, such as "0 nm" "300 nm"; drawn if absent.',
+        ),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the orientations and the offset.")] = None,
+) -> None:
+    """Follow one encounter of two aggregates and tell what came of it."""
+    from mcdem.scene import load_scene
+
+    loaded = load_scene(scene)
+    place = (
+        (read_quantity("--offset", offset[0], LENGTH), read_quantity("--offset", offset[1], LENGTH))
+        if offset
+        else None
+    )
+    parents = aggregate_of(loaded, "--first", first), aggregate_of(loaded, "--second", second)
+
+    from mcdem.encounter import simulate_encounter
+
+    result = simulate_encounter(
+        loaded, *parents, offset=place, seed=loaded.run.seed if seed is None else seed
+    )
+    width = max(len(name) for name, _ in report(loaded, result))
+    for name, value in report(loaded, result):
+        typer.echo(f"{name:{width}}  {value}")
+
+
+def aggregate_of(scene: Scene, option: str, given: str) -> Aggregate:
+    """The aggregate that an option names; raises `UserError` that names the option."""
+    import numpy as np
+
+    from mcdem.aggregate import Aggregate
+
+    radius = scene.suspension.radius
+    if given.isdecimal():
+        if not 1 <= int(given) <= 1000:
+            raise UserError(f"{option} {given}: expected 1 to 1000 primaries")
+        jkr = scene.effects.jkr
+        spacing = 2.0 * radius * (1.0 + (0.5 * jkr.kernel(scene).equilibrium_gap if jkr is not None else 0.0))
+        return Aggregate.from_positions(scene, np.arange(int(given))[:, None] * [[0.0, 0.0, spacing]])
+    try:
+        rows = np.loadtxt(Path(given), ndmin=2)
+    except OSError as problem:
+        raise UserError(
+            f"{option} {given}: cannot be read: {problem.strerror or problem}; or give a number"
+        ) from None
+    except ValueError as problem:
+        raise UserError(f"{option} {given}: not a table of numbers: {problem}") from None
+    if rows.ndim != 2 or rows.shape[1] != 3 or len(rows) == 0:
+        raise UserError(
+            f"{option} {given}: expected a row x y z for each primary, found {rows.shape[1]} columns"
+        )
+    try:
+        return Aggregate.from_positions(scene, rows * radius)
+    except UserError as problem:
+        raise UserError(f"{option} {given}: {problem}") from None
+
+
+def report(scene: Scene, result: EncounterResult) -> list[tuple[str, str]]:
+    """What came of an encounter, in words: (name, value) pairs."""
+    from mcdem.encounter import PAPER_BREAKUP, STRICT_BREAKUP
+
+    rate = scene.flow.shear_rate
+    strict = "breakup" if result.outcome in STRICT_BREAKUP else "no breakup"
+    reading = {True: f" (breakup as the paper counts it; read strictly, {strict})", False: ""}
+    told = [("outcome", result.outcome + reading[result.outcome in PAPER_BREAKUP])]
+    if result.reason:
+        told.append(("reason", result.reason))
+    told += [
+        ("products", " + ".join(str(product.size) for product in result.products) + " primaries"),
+        ("offset", f"x0 = {result.offset[0]:.4g} m, y0 = {result.offset[1]:.4g} m"),
+        ("simulated", _time(result.simulated_time, rate)),
+        ("first contact", _time(result.first_contact_time, rate)),
+        ("last bond change", _time(result.last_bond_change_time, rate)),
+        ("smallest gap", f"{result.smallest_gap:.3g} m"),
+        ("largest tension", _tension(scene, result.largest_tension)),
+        ("effort", f"{result.steps} steps, {result.cpu_time:.3g} s of processor time"),
+    ]
+    return told
+
+
+def _time(seconds: float, rate: float) -> str:
+    return "none" if seconds != seconds else f"{seconds:.4g} s (strain {seconds * rate:.4g})"
+
+
+def _tension(scene: Scene, tension: float) -> str:
+    jkr = scene.effects.jkr
+    if tension <= 0.0 or jkr is None:
+        return "none" if tension <= 0.0 else f"{tension:.3g} N"
+    pull_off = jkr.kernel(scene).pull_off_force * scene.reduced.force
+    return f"{tension:.3g} N ({tension / pull_off:.2f} of pull-off)"

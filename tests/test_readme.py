@@ -1,0 +1,43 @@
+"""What README says is so: its scene loads, its error message is the one printed, its map shows what is there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from mcdem.errors import SceneError
+from mcdem.scene import Scene
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text()
+
+
+def block(language):
+    (found,) = re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+    return found
+
+
+def test_the_scene_is_the_papers():
+    scene = Scene.from_text(block("toml"))
+    paper = Scene.from_text((ROOT / "scenes/paper-1000Pa.toml").read_text())
+    assert scene == paper
+    assert scene.question.endswith("?")
+
+
+def test_the_error_is_the_one_printed():
+    wrong = block("toml").replace('"1e4 1/s"', '"1e4 s"')
+    with pytest.raises(SceneError) as caught:
+        Scene.from_text(wrong, "scene.toml")
+    assert f"error: {caught.value}" in block("console")
+
+
+def test_the_map_shows_what_is_there():
+    tree = README[README.index("## Map of the tree") :].split("```")[1]
+    folder, places = Path(), []
+    for line in tree.strip().splitlines():
+        name = line.split()[0]
+        folder = folder if line.startswith("  ") else Path()
+        places.append(folder / name if line.startswith("  ") else Path(name))
+        folder = places[-1] if name.endswith("/") and not line.startswith("  ") else folder
+    assert len(places) > 8
+    assert not [str(place) for place in places if not (ROOT / place).exists()]
