@@ -1,0 +1,23 @@
+"""Population balances in size and shape, fed by analytic kernels or by tabulated encounters."""
+
+from pbekit.balance import PopulationBalance
+from pbekit.encounters import Aggregation, Breakage, CollisionalBreakup, Restructuring
+from pbekit.errors import KernelError, PBEError, RangeWarning
+from pbekit.grid import Cells, Grid, TwoComponentGrid
+from pbekit.solve import integrate, solve
+
+__all__ = [
+    "Aggregation",
+    "Breakage",
+    "Cells",
+    "CollisionalBreakup",
+    "Grid",
+    "KernelError",
+    "PBEError",
+    "PopulationBalance",
+    "RangeWarning",
+    "Restructuring",
+    "TwoComponentGrid",
+    "integrate",
+    "solve",
+]

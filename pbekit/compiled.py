@@ -1,0 +1,309 @@
+"""The compiled balance: right-hand side and Jacobian of the event form.
+
+    dn_k/dt = sum over pairs {i, j} of f_ij n_i n_j / (1 + delta_ij) * (<nu_k>_ij - delta_ki - delta_kj) + first order
+
+All kernels stand in this one file, and call nothing outside it, so numba's own cache check sees every edit.
+
+How events become products, in three steps: cells meet (weights over pairs of cells), the products of a pair are a
+row over *slots* (a row per pair of classes; a class is a run of cells that break and grow alike, by default a size),
+slots become cells (a row of shapes per size and kind of event).  A slot is (kind of event v, size p).
+
+Legend: K cells, C classes, E kinds of pair event, V variants of product shapes, S sizes, T overflow entries
+(number and masses), W = S + T slots per variant.  The state is (n_1 ... n_K, overflow).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+FAST = {"reassoc", "contract", "nsz", "arcp"}
+
+
+class Geometry(NamedTuple):
+    """How cells, classes, sizes and slots hang together."""
+
+    class_start: np.ndarray  # (C + 1,) int64, cells of class c are class_start[c] ... class_start[c + 1] - 1
+    size_of_cell: np.ndarray  # (K,) int64
+    share: np.ndarray  # (V, K) probability of the cell's shape, given a product's size and kind
+    mass: np.ndarray  # (K,) pivots, used by the cell average
+    up: np.ndarray  # (K,) int64 neighbour of next larger size, -1 none
+    down: np.ndarray  # (K,) int64 neighbour of next smaller size
+    tail: int  # T
+
+
+class Encounters(NamedTuple):
+    """Events of two aggregates, both of which are consumed."""
+
+    weight: np.ndarray  # (E, K, K) rate times probability of the event, symmetric
+    row: (
+        np.ndarray
+    )  # (E, C (C + 1) / 2 + 1) int64 start of each product row; pair of classes A <= B is B (B + 1) / 2 + A
+    slot: np.ndarray  # (nnz,) int64
+    number: np.ndarray  # (nnz,) products of the event that fall on the slot
+    carried: np.ndarray  # (nnz,) the mass they carry; (0,) unless cell average
+
+
+class FirstOrder(NamedTuple):
+    """Events of one aggregate, which is consumed."""
+
+    rate: np.ndarray  # (K,)
+    row: np.ndarray  # (K + 1,) int64
+    slot: np.ndarray
+    number: np.ndarray
+    carried: np.ndarray
+
+
+class Restructuring(NamedTuple):
+    """Encounters after which an aggregate keeps its size but not its shape."""
+
+    rate: np.ndarray  # (K, K) rate at which i meets j and both survive
+    partner_start: np.ndarray  # (G + 1,) int64 groups of partners (runs of cells) with their own transitions
+    first_cell: np.ndarray  # (K,) int64 first cell of the cell's size
+    transition: np.ndarray  # (G, K, most shapes) probability of the shape after
+
+
+@njit(cache=True, fastmath=FAST)
+def _pair_rates(n, class_start, encounters, slots, slot_mass, consumed):
+    """Add the products of all pair events to the slots, and the frequency of events to `consumed` (K,)."""
+    weight, row = encounters.weight, encounters.row
+    classes = class_start.size - 1
+    partial = np.empty(n.size)
+    averaged = slot_mass.size > 0
+    for e in range(weight.shape[0]):
+        w = weight[e]
+        for b in range(classes):
+            begin, end = class_start[b], class_start[b + 1]
+            partial[:end] = 0.0
+            # One sweep over the rows of class b below the diagonal block serves both partners.
+            for j in range(begin, end):
+                nj, wj, seen = n[j], w[j], 0.0
+                for i in range(begin):
+                    partial[i] += wj[i] * nj
+                    seen += wj[i] * n[i]
+                for i in range(begin, end):
+                    partial[i] += wj[i] * nj
+                consumed[j] += seen
+            for a in range(b + 1):
+                frequency = 0.0
+                for i in range(class_start[a], class_start[a + 1]):
+                    frequency += n[i] * partial[i]
+                    consumed[i] += partial[i]
+                if a == b:
+                    frequency *= 0.5
+                if frequency != 0.0:
+                    pair = b * (b + 1) // 2 + a
+                    for r in range(row[e, pair], row[e, pair + 1]):
+                        slots[encounters.slot[r]] += frequency * encounters.number[r]
+                        if averaged:
+                            slot_mass[encounters.slot[r]] += frequency * encounters.carried[r]
+
+
+@njit(cache=True)
+def _first_order_rates(n, first_order, slots, slot_mass, consumed):
+    averaged = slot_mass.size > 0
+    for i in range(n.size):
+        consumed[i] += first_order.rate[i]
+        frequency = first_order.rate[i] * n[i]
+        if frequency != 0.0:
+            for r in range(first_order.row[i], first_order.row[i + 1]):
+                slots[first_order.slot[r]] += frequency * first_order.number[r]
+                if averaged:
+                    slot_mass[first_order.slot[r]] += frequency * first_order.carried[r]
+
+
+@njit(cache=True, fastmath=FAST)
+def _restructure(n, restructuring, out):
+    rate, start = restructuring.rate, restructuring.partner_start
+    for i in range(n.size):
+        if n[i] == 0.0:
+            continue
+        first = restructuring.first_cell[i]
+        for g in range(start.size - 1):
+            seen = 0.0
+            for j in range(start[g], start[g + 1]):
+                seen += rate[i, j] * n[j]
+            seen *= n[i]
+            out[i] -= seen
+            for s in range(restructuring.transition.shape[2]):
+                p = restructuring.transition[g, i, s]
+                if p != 0.0:
+                    out[first + s] += seen * p
+
+
+@njit(cache=True)
+def _births(geometry, slots, slot_mass, out, birth_mass):
+    """Slots to cells; with the cell average, the birth of each cell is then put on two pivots."""
+    cells, variants = geometry.size_of_cell.size, geometry.share.shape[0]
+    width = slots.size // variants
+    averaged = slot_mass.size > 0
+    for v in range(variants):
+        for k in range(cells):
+            at = v * width + geometry.size_of_cell[k]
+            out[k] += slots[at] * geometry.share[v, k]
+            if averaged:
+                birth_mass[k] += slot_mass[at] * geometry.share[v, k]
+        for t in range(geometry.tail):
+            out[cells + t] += slots[v * width + width - geometry.tail + t]
+
+
+@njit(cache=True)
+def _average_target(geometry, k, number, mass):
+    """The neighbour that shares the birth of cell k, and whether there is one."""
+    if mass >= geometry.mass[k] * number:
+        return geometry.up[k]
+    return geometry.down[k]
+
+
+@njit(cache=True)
+def _spread(geometry, number, mass, out):
+    """Cell average (Kumar et al. 2006): number and mean mass of the births of a cell decide where they go."""
+    for k in range(number.size):
+        if number[k] == 0.0 and mass[k] == 0.0:
+            continue
+        other = _average_target(geometry, k, number[k], mass[k])
+        x = geometry.mass[k]
+        if other < 0:
+            out[k] += mass[k] / x
+        else:
+            moved = (mass[k] - x * number[k]) / (geometry.mass[other] - x)
+            out[k] += number[k] - moved
+            out[other] += moved
+
+
+@njit(cache=True)
+def right_hand_side(n, geometry, encounters, first_order, restructuring, averaged, out):
+    """dn/dt of the state (K + T,) into `out`."""
+    cells = geometry.size_of_cell.size
+    variants = geometry.share.shape[0]
+    width = geometry.tail + geometry.size_of_cell[-1] + 1
+    slots = np.zeros(variants * width)
+    slot_mass = np.zeros(slots.size if averaged else 0)
+    consumed = np.zeros(cells)
+    population = n[:cells]
+    if encounters is not None:
+        _pair_rates(population, geometry.class_start, encounters, slots, slot_mass, consumed)
+    if first_order is not None:
+        _first_order_rates(population, first_order, slots, slot_mass, consumed)
+    out[:] = 0.0
+    if averaged:
+        births, birth_mass = np.zeros(cells + geometry.tail), np.zeros(cells)
+        _births(geometry, slots, slot_mass, births, birth_mass)
+        _spread(geometry, births[:cells], birth_mass, out)
+        out[cells:] += births[cells:]
+    else:
+        _births(geometry, slots, slot_mass, out, slot_mass)
+    for k in range(cells):
+        out[k] -= consumed[k] * population[k]
+    if restructuring is not None:
+        _restructure(population, restructuring, out)
+
+
+@njit(cache=True, fastmath=FAST)
+def _pair_slopes(n, class_start, encounters, slots, slot_mass, transposed):
+    """d(slots)/dn_i as row i of `slots` (K, V W), and the derivative of the loss into `transposed`."""
+    weight, row = encounters.weight, encounters.row
+    classes = class_start.size - 1
+    averaged = slot_mass.shape[0] > 0
+    for e in range(weight.shape[0]):
+        for a in range(classes):
+            for i in range(class_start[a], class_start[a + 1]):
+                wi = weight[e, i]
+                total = 0.0
+                for b in range(classes):
+                    met = 0.0
+                    for j in range(class_start[b], class_start[b + 1]):
+                        met += wi[j] * n[j]
+                    total += met
+                    if met != 0.0:
+                        pair = b * (b + 1) // 2 + a if a <= b else a * (a + 1) // 2 + b
+                        for r in range(row[e, pair], row[e, pair + 1]):
+                            slots[i, encounters.slot[r]] += met * encounters.number[r]
+                            if averaged:
+                                slot_mass[i, encounters.slot[r]] += met * encounters.carried[r]
+                transposed[i, i] -= total
+                for j in range(n.size):
+                    transposed[i, j] -= n[j] * wi[j]
+
+
+@njit(cache=True)
+def _first_order_slopes(first_order, slots, slot_mass, transposed):
+    averaged = slot_mass.shape[0] > 0
+    for i in range(first_order.rate.size):
+        rate = first_order.rate[i]
+        transposed[i, i] -= rate
+        for r in range(first_order.row[i], first_order.row[i + 1]):
+            slots[i, first_order.slot[r]] += rate * first_order.number[r]
+            if averaged:
+                slot_mass[i, first_order.slot[r]] += rate * first_order.carried[r]
+
+
+@njit(cache=True, fastmath=FAST)
+def _restructure_slopes(n, restructuring, transposed):
+    rate, start = restructuring.rate, restructuring.partner_start
+    for i in range(n.size):
+        first = restructuring.first_cell[i]
+        for g in range(start.size - 1):
+            seen = 0.0
+            for j in range(start[g], start[g + 1]):
+                seen += rate[i, j] * n[j]
+                transposed[j, i] -= n[i] * rate[i, j]
+            transposed[i, i] -= seen
+            shapes = restructuring.transition.shape[2]
+            for s in range(shapes):
+                if restructuring.transition[g, i, s] != 0.0:
+                    transposed[i, first + s] += seen * restructuring.transition[g, i, s]
+            for j in range(start[g], start[g + 1]):
+                met = n[i] * rate[i, j]
+                for s in range(shapes):
+                    if restructuring.transition[g, i, s] != 0.0:
+                        transposed[j, first + s] += met * restructuring.transition[g, i, s]
+
+
+@njit(cache=True)
+def jacobian_transposed(n, geometry, encounters, first_order, restructuring, averaged):
+    """(K + T, K + T) array whose row i is d(dn/dt)/dn_i; exact (with the cell average, off its kinks)."""
+    cells, tail = geometry.size_of_cell.size, geometry.tail
+    variants = geometry.share.shape[0]
+    width = tail + geometry.size_of_cell[-1] + 1
+    population = n[:cells]
+    slots = np.zeros((cells, variants * width))
+    slot_mass = np.zeros((cells if averaged else 0, variants * width))
+    transposed = np.zeros((cells + tail, cells + tail))
+    if encounters is not None:
+        _pair_slopes(population, geometry.class_start, encounters, slots, slot_mass, transposed)
+    if first_order is not None:
+        _first_order_slopes(first_order, slots, slot_mass, transposed)
+    if restructuring is not None:
+        _restructure_slopes(population, restructuring, transposed)
+    nothing = np.zeros(0)
+    if not averaged:
+        for i in range(cells):
+            _births(geometry, slots[i], nothing, transposed[i], nothing)
+        return transposed
+    # The side of each pivot is frozen at the present births: between its kinks the cell average is linear in them.
+    now, now_mass, idle = np.zeros(variants * width), np.zeros(variants * width), np.zeros(cells)
+    if encounters is not None:
+        _pair_rates(population, geometry.class_start, encounters, now, now_mass, idle)
+    if first_order is not None:
+        _first_order_rates(population, first_order, now, now_mass, idle)
+    births, birth_mass = np.zeros(cells + tail), np.zeros(cells)
+    _births(geometry, now, now_mass, births, birth_mass)
+    target = np.empty(cells, np.int64)
+    for k in range(cells):
+        target[k] = _average_target(geometry, k, births[k], birth_mass[k])
+    for i in range(cells):
+        number, mass = np.zeros(cells + tail), np.zeros(cells)
+        _births(geometry, slots[i], slot_mass[i], number, mass)
+        for k in range(cells):
+            x, other = geometry.mass[k], target[k]
+            if other < 0:
+                transposed[i, k] += mass[k] / x
+            else:
+                moved = (mass[k] - x * number[k]) / (geometry.mass[other] - x)
+                transposed[i, k] += number[k] - moved
+                transposed[i, other] += moved
+        transposed[i, cells:] += number[cells:]
+    return transposed

@@ -1,0 +1,321 @@
+"""What can happen to aggregates, in event form, and how it lands on a grid.
+
+Pair events consume two aggregates (`Aggregation`, `CollisionalBreakup`), `Breakage` consumes one, `Restructuring`
+changes the shape of one.  Events compete: each has its own rate, all their rates add.  Every product row carries
+exactly the mass of its parents; that is checked here, once, for every event whoever wrote it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Callable
+
+import numpy as np
+
+from pbekit import compiled
+from pbekit.breakage import Daughters, as_daughters, evaluate_rate
+from pbekit.errors import KernelError, PBEError
+from pbekit.grid import Grid, TwoComponentGrid
+from pbekit.kernels import as_kernel, evaluate
+
+
+@dataclass(frozen=True, eq=False)
+class Aggregation:
+    """i + j -> one aggregate with the mass of both.
+
+    kernel : Kernel, function, array or number; shape : shares of the product's shape, (shapes,) or (K,)
+    """
+
+    kernel: object
+    shape: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class CollisionalBreakup:
+    """i + j -> fragments of the two together (exchange included).
+
+    daughters : Daughters of the joint mass; or a function (mass_i, mass_j) -> (masses, expected numbers)
+    """
+
+    kernel: object
+    daughters: object
+    shape: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Breakage:
+    """i -> fragments, first order.  rate : function of mass, array (K,), or a law of `breakage`."""
+
+    rate: object
+    daughters: object
+    shape: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Restructuring:
+    """Encounters of i and j after which i and j live on; i takes a new shape of its own size.
+
+    kernel : rate at which i meets j and both survive
+    transition : (shapes, shapes) or (K, shapes) or (G, K, shapes), probability of the shape after, given the cell
+    partner_start : (G + 1,) first cell of each group of partners, if the transitions depend on the partner
+    """
+
+    kernel: object
+    transition: np.ndarray
+    partner_start: np.ndarray | None = None
+
+
+Event = Aggregation | CollisionalBreakup | Breakage | Restructuring
+MASS_TOLERANCE = 1e-12
+
+
+class _Rows:
+    """Product rows, gathered in compressed form."""
+
+    def __init__(self, grid, averaged: bool):
+        self.grid, self.averaged = grid, averaged
+        self.slot, self.number, self.carried, self.length = [], [], [], []
+
+    def add_dense(self, number, carried, offset, parents, name):
+        keep = np.flatnonzero((number != 0) | (carried != 0))
+        self._check(keep[None], number[keep][None], carried[keep][None], np.atleast_2d(parents), name)
+        self.add_block(keep[None] + offset, number[keep][None], carried[keep][None])
+
+    def add_block(self, slot, number, carried):
+        """Rows of equal length (rows, entries)."""
+        self.slot.append(slot.ravel())
+        self.number.append(number.ravel())
+        self.carried.append(carried.ravel())
+        self.length.append(np.full(slot.shape[0], slot.shape[1]))
+
+    def corners(self, products, offset, parents, name):
+        """Rows of one product each; products (n, M) masses, parents (n, M) the masses they must carry."""
+        slot, number, carried = self.grid.corners(products, self.averaged)
+        carried = np.zeros_like(number) if carried is None else carried
+        self._check(slot, number, carried, parents, name)
+        self.add_block(slot + offset, number, carried)
+
+    def _check(self, slot, number, carried, parents, name):
+        grid = self.grid
+        if isinstance(grid, TwoComponentGrid):
+            masses = np.concatenate([grid.masses, np.zeros((1, 2)), np.eye(2)])
+            got = np.einsum("rc,rcm->rm", number, masses[slot])
+        else:
+            overflow = slot == grid.sizes + 1
+            got = (carried.sum(axis=1) + (number * overflow).sum(axis=1))[:, None]
+        wrong = np.abs(got - parents) > MASS_TOLERANCE * parents.sum(axis=1, keepdims=True)
+        if np.any(wrong):
+            r = np.argwhere(wrong)[0][0]
+            raise KernelError(f"{name}: products weigh {got[r]} where the parents weigh {parents[r]}")
+
+    def finish(self):
+        join = lambda parts, kind: np.concatenate(parts).astype(kind) if parts else np.zeros(0, kind)  # noqa: E731
+        starts = np.concatenate([[0], np.cumsum(np.concatenate(self.length))]).astype(np.int64)
+        carried = join(self.carried, float) if self.averaged else np.zeros(0)
+        return starts, join(self.slot, np.int64), join(self.number, float), carried
+
+
+def _place_fragments(grid, daughters: Daughters, parent: float, averaged: bool):
+    if isinstance(grid, TwoComponentGrid):
+        raise PBEError(
+            "two-component grids take daughters as a function that returns (masses (n, 2), numbers)"
+        )
+    if grid.discrete or type(daughters).pieces is not Daughters.pieces:
+        mass, number = daughters.pieces(parent)
+        return grid.place(mass, number, averaged)
+    return grid.place_density(*daughters.cumulative(parent), parent, averaged)
+
+
+@dataclass
+class Assembled:
+    """The compiled arrays of a set of events on a grid."""
+
+    geometry: compiled.Geometry
+    encounters: compiled.Encounters | None
+    first_order: compiled.FirstOrder | None
+    restructuring: compiled.Restructuring | None
+
+
+def assemble(grid: Grid | TwoComponentGrid, events: list, averaged: bool, closed: bool) -> Assembled:
+    """Events on a grid as arrays for the compiled balance.
+
+    closed : pairs whose joint mass is beyond the last pivot do not meet; nothing leaves the grid
+    """
+    if averaged and isinstance(grid, TwoComponentGrid):
+        raise PBEError("cell average is for one mass coordinate; a two-component grid uses the fixed pivot")
+    for event in events:
+        if not isinstance(event, Event):
+            raise PBEError(
+                f"events: expected Aggregation, CollisionalBreakup, Breakage or Restructuring, got {event!r}"
+            )
+    masses, sizes = grid.masses, grid.size_of_cell
+    class_start = np.concatenate([np.flatnonzero(np.diff(sizes, prepend=-1)), [grid.cells]]).astype(np.int64)
+    tail = 1 + masses.shape[1]
+    width = grid.sizes + tail
+    shares: list[np.ndarray] = []
+
+    def variant(share):
+        share = grid.same_shape_share(share)
+        for v, known in enumerate(shares):
+            if np.array_equal(known, share):
+                return v
+        shares.append(share)
+        return len(shares) - 1
+
+    class_mass = masses[class_start[:-1]]  # (C, M)
+    b, a = np.tril_indices(len(class_mass))  # row-major lower triangle: pair index b (b + 1) / 2 + a
+    joint = class_mass[a] + class_mass[b]
+
+    pair_events = [e for e in events if isinstance(e, (Aggregation, CollisionalBreakup))]
+    encounters = None
+    if pair_events:
+        rows, weights, starts = _Rows(grid, averaged), [], []
+        for event in pair_events:
+            kernel = as_kernel(event.kernel)
+            weight = evaluate(kernel, grid.state)
+            if closed:
+                weight = np.where(_beyond(grid, masses), 0.0, weight)
+            weights.append(weight)
+            starts.append(sum(len(part) for part in rows.length))
+            offset = variant(event.shape) * width
+            if isinstance(event, Aggregation):
+                rows.corners(joint, offset, joint, kernel.name)
+            else:
+                _collisional_rows(grid, event, rows, class_mass, a, b, weight, class_start, offset, averaged)
+        start, slot, number, carried = rows.finish()
+        row = np.stack([start[s : s + len(joint) + 1] for s in starts])
+        encounters = compiled.Encounters(np.ascontiguousarray(weights), row, slot, number, carried)
+
+    first = [e for e in events if isinstance(e, Breakage)]
+    first_order = _first_order(grid, first, variant, width, averaged) if first else None
+
+    reshaping = [e for e in events if isinstance(e, Restructuring)]
+    if len(reshaping) > 1:
+        raise PBEError(
+            "events: give one Restructuring, with the kernels and transitions of all of them together"
+        )
+    restructuring = _restructuring(grid, reshaping[0]) if reshaping else None
+
+    if not shares:
+        shares.append(np.ones(grid.cells))
+    none = np.full(grid.cells, -1)
+    geometry = compiled.Geometry(
+        class_start,
+        sizes.astype(np.int64),
+        np.ascontiguousarray(shares),
+        np.ascontiguousarray(grid.mass),
+        (grid.neighbour(1) if averaged else none).astype(np.int64),
+        (grid.neighbour(-1) if averaged else none).astype(np.int64),
+        tail,
+    )
+    return Assembled(geometry, encounters, first_order, restructuring)
+
+
+def _beyond(grid, masses):
+    """(K, K) whether the joint mass of two cells is beyond the last pivot."""
+    if isinstance(grid, TwoComponentGrid):
+        top = np.array([grid.first[-1], grid.second[-1]])
+        return ((masses[:, None] + masses[None, :]) > top * (1 + 1e-12)).any(axis=2)
+    return (grid.mass[:, None] + grid.mass[None, :]) > grid.pivots[-1] * (1 + 1e-12)
+
+
+def _collisional_rows(grid, event, rows, class_mass, a, b, weight, class_start, offset, averaged):
+    two = isinstance(grid, TwoComponentGrid)
+    of_pair: Callable | None = None
+    if not isinstance(event.daughters, Daughters) and callable(event.daughters):
+        of_pair = event.daughters
+    daughters = None if of_pair else as_daughters(event.daughters)
+    name = daughters.name if daughters else getattr(of_pair, "__name__", "daughters")
+    # Pairs that never meet get an empty row.
+    meets = np.add.reduceat(np.add.reduceat(weight, class_start[:-1], axis=0), class_start[:-1], axis=1) > 0
+    cached: dict = {}
+    empty = np.zeros(0, int)
+    for ca, cb in zip(a, b):
+        if not meets[ca, cb]:
+            rows.add_block(empty[None], np.zeros((1, 0)), np.zeros((1, 0)))
+            continue
+        parents = class_mass[ca] + class_mass[cb]
+        if of_pair is not None:
+            mass, number = of_pair(*(class_mass[c] if two else class_mass[c, 0] for c in (ca, cb)))
+            placed = _placed_pieces(grid, mass, number, parents, averaged, name)
+        else:
+            key = float(parents[0])
+            if key not in cached:
+                cached[key] = _place_fragments(grid, daughters, key, averaged)
+            placed = cached[key]
+        rows.add_dense(*placed, offset, parents, name)
+
+
+def _placed_pieces(grid, mass, number, parents, averaged, name):
+    mass = np.asarray(mass, float).reshape(-1, len(parents))
+    number = np.asarray(number, float).ravel()
+    total = number @ mass
+    if np.any(~np.isfinite(number)) or np.any(number < 0):
+        raise KernelError(f"daughters {name}: negative or not finite for parents of {parents}")
+    if np.any(np.abs(total - parents) > 1e-9 * parents.sum()):
+        raise KernelError(
+            f"daughters {name}: fragments weigh {total}, parents {parents}; mass must be conserved"
+        )
+    if isinstance(grid, TwoComponentGrid):
+        slot, share, _ = grid.corners(mass)
+        placed = np.bincount(slot.ravel(), (share * number[:, None]).ravel(), grid.cells + 3)
+        return placed, np.zeros_like(placed)
+    return grid.place(mass, number * (parents[0] / total[0]), averaged)
+
+
+def _first_order(grid, events, variant, width, averaged) -> compiled.FirstOrder:
+    """Several laws of breakage add to one rate with the mixture of their daughters."""
+    rates = [evaluate_rate(e.rate, grid.state) for e in events]
+    total = np.sum(rates, axis=0)
+    rows = _Rows(grid, averaged)
+    two = isinstance(grid, TwoComponentGrid)
+    slots_per_variant = [variant(e.shape) * width for e in events]
+    for k in range(grid.cells):
+        parents = grid.masses[k]
+        slot, number, carried = [np.zeros(0, int)], [np.zeros(0)], [np.zeros(0)]
+        for event, rate, offset in zip(events, rates, slots_per_variant):
+            if rate[k] == 0:
+                continue
+            if two:
+                mass, pieces = event.daughters(parents)
+                n, m = _placed_pieces(
+                    grid, mass, pieces, parents, averaged, getattr(event.daughters, "__name__", "")
+                )
+            else:
+                n, m = _place_fragments(grid, as_daughters(event.daughters), float(parents[0]), averaged)
+            keep = np.flatnonzero((n != 0) | (m != 0))
+            name = getattr(event.daughters, "name", "daughters")
+            rows._check(keep[None], n[keep][None], m[keep][None], parents[None], name)
+            slot.append(keep + offset)
+            number.append(n[keep] * rate[k] / total[k])
+            carried.append(m[keep] * rate[k] / total[k])
+        rows.add_block(
+            np.concatenate(slot)[None], np.concatenate(number)[None], np.concatenate(carried)[None]
+        )
+    start, slot, number, carried = rows.finish()
+    return compiled.FirstOrder(total, start, slot, number, carried)
+
+
+def _restructuring(grid, event: Restructuring) -> compiled.Restructuring:
+    if not isinstance(grid, Grid) or grid.shapes == 1:
+        raise PBEError("Restructuring needs a grid with shapes")
+    rate = evaluate(as_kernel(event.kernel), grid.state)
+    groups = [0, grid.cells] if event.partner_start is None else list(event.partner_start) + [grid.cells]
+    if event.partner_start is not None and event.partner_start[-1] == grid.cells:
+        groups = list(event.partner_start)
+    transition = np.asarray(event.transition, float)
+    if transition.shape == (grid.shapes, grid.shapes):
+        transition = transition[np.maximum(grid.shape_of_cell, 0)]
+    if transition.ndim == 2:
+        transition = transition[None]
+    if transition.shape != (len(groups) - 1, grid.cells, grid.shapes):
+        raise PBEError(f"Restructuring: transition must be (groups, cells, shapes), got {transition.shape}")
+    transition = transition.copy()
+    single = grid.shape_of_cell < 0
+    transition[:, single] = 0.0
+    transition[:, single, 0] = 1.0
+    total = transition.sum(axis=2, keepdims=True)
+    if np.any(transition < 0) or np.any(np.abs(total - 1) > 1e-9):
+        raise KernelError("Restructuring: transition rows must be non-negative and add to one")
+    first_cell = np.searchsorted(grid.size_of_cell, grid.size_of_cell).astype(np.int64)
+    return compiled.Restructuring(rate, np.asarray(groups, np.int64), first_cell, transition / total)

@@ -1,0 +1,340 @@
+"""The classes of the balance: size times shape, or two components.
+
+Legend: K cells, S sizes (pivots).  Masses are numbers of primaries P (a *discrete* grid) or volumes (a
+*continuous* one).  A grid is a list of cells, not a rectangle: P = 1 and P = 2 have one shape each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Callable, NamedTuple
+
+import numpy as np
+
+from pbekit.errors import PBEError
+
+
+class Cells(NamedTuple):
+    """What a kernel may know of an aggregate; arrays of one broadcast shape."""
+
+    mass: np.ndarray  # P [-] or volume
+    shape: np.ndarray  # the shape coordinate, NaN where a size has only one shape
+    outer_radius: np.ndarray  # R [m], NaN if the grid was not given one
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Sizes (pivots) times shapes.
+
+    pivots : (S,) ascending masses
+    edges : (S + 1,) cell boundaries, edges[k] <= pivots[k] <= edges[k + 1]
+    discrete : masses are whole primaries
+    shape_edges : (shapes + 1,) boundaries of the shape classes, None for one shape
+    size_of_cell, shape_of_cell : (K,); shape_of_cell is -1 where the size has one shape only
+    outer_radius : (K,) [m] or None
+    """
+
+    pivots: np.ndarray
+    edges: np.ndarray
+    discrete: bool
+    shape_edges: np.ndarray | None = None
+    shape_name: str = "aspect ratio"
+    outer_radius: np.ndarray | None = None
+    size_of_cell: np.ndarray = field(init=False)
+    shape_of_cell: np.ndarray = field(init=False)
+
+    def __post_init__(self):
+        pivots, edges = np.asarray(self.pivots, float), np.asarray(self.edges, float)
+        if pivots.ndim != 1 or pivots.size == 0 or pivots[0] <= 0 or np.any(np.diff(pivots) <= 0):
+            raise PBEError(f"grid: pivots must be positive and ascending, got {pivots}")
+        if edges.shape != (pivots.size + 1,) or np.any(edges[:-1] > pivots) or np.any(edges[1:] < pivots):
+            raise PBEError("grid: every pivot must lie between its two edges")
+        shapes = 1 if self.shape_edges is None else len(self.shape_edges) - 1
+        single = np.ones(pivots.size, bool) if shapes == 1 else self.discrete & (pivots <= 2)
+        per_size = np.where(single, 1, shapes)
+        size_of_cell = np.repeat(np.arange(pivots.size), per_size)
+        shape_of_cell = np.concatenate([[-1] if one else np.arange(shapes) for one in single])
+        for name, value in dict(
+            pivots=pivots, edges=edges, size_of_cell=size_of_cell, shape_of_cell=shape_of_cell
+        ).items():
+            object.__setattr__(self, name, value)
+
+    # -- the usual grids ---------------------------------------------------------------------------------------
+
+    @classmethod
+    def primaries(cls, exact_to: int = 32, largest: int | None = None, ratio: float = 2**0.25) -> Grid:
+        """Every whole number of primaries up to `exact_to`, then integer pivots at about a constant ratio."""
+        if exact_to < 1:
+            raise PBEError(f"grid: exact_to must be at least 1, got {exact_to}")
+        pivots = list(range(1, exact_to + 1))
+        while largest is not None and pivots[-1] < largest:
+            pivots.append(max(pivots[-1] + 1, round(pivots[-1] * ratio)))
+        p = np.array(pivots, float)
+        middle = 0.5 * (p[1:] + p[:-1])
+        return cls(p, np.concatenate([[p[0] - 0.5], middle, [p[-1] + 0.5]]), discrete=True)
+
+    @classmethod
+    def geometric(cls, smallest: float, largest: float, ratio: float = 2**0.5) -> Grid:
+        """Continuous volumes; edges at a constant ratio, pivots in the middle of their cells."""
+        count = int(np.ceil(np.log(largest / smallest) / np.log(ratio)))
+        edges = smallest * ratio ** np.arange(count + 1)
+        return cls(0.5 * (edges[1:] + edges[:-1]), edges, discrete=False)
+
+    def with_shapes(self, edges, name: str = "aspect ratio") -> Grid:
+        """The same sizes, each divided into shape classes with these boundaries (P = 1, 2 keep one)."""
+        edges = np.asarray(edges, float)
+        if edges.ndim != 1 or edges.size < 2 or np.any(np.diff(edges) <= 0):
+            raise PBEError(f"grid: shape edges must ascend, got {edges}")
+        return replace(self, shape_edges=edges, shape_name=name, outer_radius=None)
+
+    def with_outer_radius(self, radius: Callable | np.ndarray) -> Grid:
+        """Give every cell its outer radius R [m]: an array (K,), or a function of mass, or of mass and shape."""
+        if callable(radius):
+            try:
+                values = radius(self.mass, self.shape)
+            except TypeError:
+                values = radius(self.mass)
+        else:
+            values = radius
+        values = np.broadcast_to(np.asarray(values, float), (self.cells,)).copy()
+        if not np.all(np.isfinite(values) & (values > 0)):
+            raise PBEError("grid: outer radii must be positive and finite in every cell")
+        return replace(self, outer_radius=values)
+
+    # -- reading -------------------------------------------------------------------------------------------------
+
+    @property
+    def sizes(self) -> int:
+        return self.pivots.size
+
+    @property
+    def shapes(self) -> int:
+        return 1 if self.shape_edges is None else len(self.shape_edges) - 1
+
+    @property
+    def cells(self) -> int:
+        return self.size_of_cell.size
+
+    @property
+    def mass(self) -> np.ndarray:
+        """(K,) mass of each cell."""
+        return self.pivots[self.size_of_cell]
+
+    @property
+    def masses(self) -> np.ndarray:
+        """(K, 1) conserved masses of each cell."""
+        return self.mass[:, None]
+
+    @property
+    def shape(self) -> np.ndarray:
+        """(K,) shape coordinate: middle of the shape class, NaN where there is one shape only."""
+        if self.shape_edges is None:
+            return np.full(self.cells, np.nan)
+        middle = 0.5 * (self.shape_edges[1:] + self.shape_edges[:-1])
+        return np.where(self.shape_of_cell < 0, np.nan, middle[self.shape_of_cell])
+
+    @property
+    def state(self) -> Cells:
+        radius = np.full(self.cells, np.nan) if self.outer_radius is None else self.outer_radius
+        return Cells(self.mass, self.shape, radius)
+
+    def neighbour(self, step: int) -> np.ndarray:
+        """(K,) cell of the same shape, `step` sizes on; the size's only cell if shapes differ, -1 off the grid."""
+        found = np.full(self.cells, -1)
+        index = {(p, s): k for k, (p, s) in enumerate(zip(self.size_of_cell, self.shape_of_cell))}
+        for k, (p, s) in enumerate(zip(self.size_of_cell, self.shape_of_cell)):
+            target = index.get((p + step, s), index.get((p + step, -1)))
+            if target is not None:
+                found[k] = target
+        return found
+
+    def same_shape_share(self, share: np.ndarray | None) -> np.ndarray:
+        """(K,) probabilities of the shapes of a product given its size, checked; None where there is one shape."""
+        if share is None:
+            if self.cells != self.sizes:
+                raise PBEError("grid has several shapes per size: say how products are shaped (shape=...)")
+            return np.ones(self.cells)
+        share = np.asarray(share, float)
+        if share.shape == (self.shapes,):
+            share = np.where(self.shape_of_cell < 0, 1.0, share[self.shape_of_cell])
+        if share.shape != (self.cells,):
+            raise PBEError(f"shape shares must be ({self.cells},) or ({self.shapes},), got {share.shape}")
+        total = np.bincount(self.size_of_cell, share, self.sizes)
+        if np.any(share < 0) or np.any(np.abs(total - 1) > 1e-9):
+            raise PBEError("shape shares must be non-negative and add to one for every size")
+        return share / total[self.size_of_cell]
+
+    # -- initial populations -------------------------------------------------------------------------------------
+
+    def monodisperse(self, number: float, mass: float | None = None) -> np.ndarray:
+        """(K,) `number` per volume, all in the cell of pivot `mass` (the smallest by default)."""
+        size = 0 if mass is None else int(np.argmin(np.abs(self.pivots - mass)))
+        if mass is not None and not np.isclose(self.pivots[size], mass):
+            raise PBEError(f"no pivot at mass {mass}; nearest is {self.pivots[size]}")
+        cells = np.flatnonzero(self.size_of_cell == size)
+        return number * np.eye(self.cells)[cells].sum(axis=0) / cells.size
+
+    def from_cumulative(self, number_below: Callable, mass_below: Callable) -> np.ndarray:
+        """(K,) a continuous distribution put on the pivots, number and mass of it kept (as far as the grid reaches).
+
+        number_below, mass_below : integrals of n(v) and v n(v) from 0 to v
+        """
+        number, _ = self.place_density(number_below, mass_below, np.inf)
+        return number[:-2][self.size_of_cell]
+
+    # -- where products go -------------------------------------------------------------------------------------
+
+    def corners(self, mass: np.ndarray, cell_average: bool = False):
+        """Slots that share one product of each given mass: (slot, number, mass), each (n, 2).
+
+        Fixed pivot (Kumar & Ramkrishna 1996): shared between the two neighbouring pivots so that number and mass are
+        kept.  Cell average (Kumar et al. 2006): the cell that holds the mass.  Slots S and S + 1 are the overflow's
+        number and mass; a product below the first pivot keeps its mass, not its number.
+        """
+        x = np.asarray(mass, float).reshape(-1)
+        slot, number, carried = np.zeros((x.size, 2), int), np.zeros((x.size, 2)), np.zeros((x.size, 2))
+        over, low = x > self.pivots[-1] * (1 + 1e-12), x < self.pivots[0]
+        x = np.minimum(x, self.pivots[-1])
+        if cell_average:
+            k = np.clip(np.searchsorted(self.edges, x, side="right") - 1, 0, self.sizes - 1)
+            slot[:] = k[:, None]
+            number[:, 0], carried[:, 0] = 1.0, x
+            number[low, 0] = np.where(x < self.edges[0], x / self.pivots[0], 1.0)[low]
+        else:
+            k = np.clip(np.searchsorted(self.pivots, x, side="right") - 1, 0, max(self.sizes - 2, 0))
+            slot[:, 0], slot[:, 1] = k, np.minimum(k + 1, self.sizes - 1)
+            width = np.maximum(self.pivots[slot[:, 1]] - self.pivots[slot[:, 0]], 1e-300)
+            upper = np.where(low, 0.0, (x - self.pivots[k]) / width)
+            if self.discrete:
+                # Whole primaries meet their own pivot exactly; no round-off may leak to its neighbour.
+                upper = np.where(np.abs(upper) < 1e-12, 0.0, np.where(np.abs(upper - 1) < 1e-12, 1.0, upper))
+            number[:, 0], number[:, 1] = np.where(low, x / self.pivots[0], 1 - upper), upper
+            carried[:] = number * self.pivots[slot]
+        slot[over] = [self.sizes, self.sizes + 1]
+        number[over, 0], number[over, 1] = 1.0, np.asarray(mass, float).reshape(-1)[over]
+        carried[over] = 0.0
+        return slot, number, carried
+
+    def place(self, mass: np.ndarray, number: np.ndarray, cell_average: bool = False):
+        """`number` products of each given mass, summed over the slots: (number, mass), each (S + 2,)."""
+        slot, share, carried = self.corners(mass, cell_average)
+        weight = np.asarray(number, float).reshape(-1, 1)
+        size = self.sizes + 2
+        return (
+            np.bincount(slot.ravel(), (share * weight).ravel(), size),
+            np.bincount(slot.ravel(), (carried * weight).ravel(), size),
+        )
+
+    def place_density(self, number_below, mass_below, upto: float, cell_average: bool = False):
+        """The same for a continuous density up to mass `upto`, by its exact cumulative number and mass."""
+        out, out_mass = np.zeros(self.sizes + 2), np.zeros(self.sizes + 2)
+
+        def between(low, high):
+            low, high = np.minimum(low, upto), np.minimum(high, upto)
+            return number_below(high) - number_below(low), mass_below(high) - mass_below(low)
+
+        x = self.pivots
+        top = x[-1]
+        n, m = between(np.array([top]), np.array([np.inf if np.isinf(upto) else max(upto, top)]))
+        out[-2], out[-1] = n[0], m[0]
+        if cell_average:
+            high = np.minimum(self.edges[1:], top)
+            n, m = between(np.minimum(self.edges[:-1], top), high)
+            first = between(np.zeros(1), self.edges[:1])
+            out[:-2], out_mass[:-2] = n, m
+            # Dust below the grid: mass is kept, on the first pivot.
+            out[0] += first[1][0] / x[0]
+            out_mass[0] += first[1][0]
+            return out, out_mass
+        dust = between(np.zeros(1), x[:1])[1][0]
+        out[0] += dust / x[0]
+        n, m = between(x[:-1], x[1:])
+        n = np.maximum(n, 0.0)
+        width = np.diff(x)
+        upper = np.clip((m - x[:-1] * n) / width, 0.0, n)
+        out[:-3] += n - upper
+        out[1:-2] += upper
+        out_mass[:-2] = out[:-2] * x
+        return out, out_mass
+
+
+@dataclass(frozen=True)
+class TwoComponentGrid:
+    """Particles made of two materials: cells are pairs of pivots (mass of A, mass of B); fixed pivot only.
+
+    Products go to the four pivots around them with bilinear weights, which keep number, both masses and the product
+    of the masses (Kumar & Ramkrishna 1996, in two coordinates).  An axis may start at zero; then nothing is lost at
+    small masses.  Slots after the cells: overflow number, overflow mass of A, of B.
+    """
+
+    first: np.ndarray  # (m,) pivots of material A
+    second: np.ndarray  # (n,) pivots of material B
+    discrete: bool = False
+    outer_radius: None = None
+
+    def __post_init__(self):
+        for name in ("first", "second"):
+            axis = np.asarray(getattr(self, name), float)
+            if axis.ndim != 1 or axis.size < 2 or axis[0] < 0 or np.any(np.diff(axis) <= 0):
+                raise PBEError(f"two-component grid: {name} pivots must ascend from zero or more, got {axis}")
+            object.__setattr__(self, name, axis)
+
+    @classmethod
+    def primaries(cls, first: int, second: int) -> TwoComponentGrid:
+        """Whole primaries: 0 ... `first` of A and 0 ... `second` of B."""
+        return cls(np.arange(first + 1.0), np.arange(second + 1.0), discrete=True)
+
+    @property
+    def masses(self) -> np.ndarray:
+        """(K, 2) mass of each material in each cell."""
+        a, b = np.meshgrid(self.first, self.second, indexing="ij")
+        return np.stack([a.ravel(), b.ravel()], axis=1)
+
+    @property
+    def mass(self) -> np.ndarray:
+        return self.masses.sum(axis=1)
+
+    @property
+    def cells(self) -> int:
+        return self.first.size * self.second.size
+
+    sizes = cells
+
+    @property
+    def size_of_cell(self) -> np.ndarray:
+        return np.arange(self.cells)
+
+    @property
+    def state(self) -> Cells:
+        nan = np.full(self.cells, np.nan)
+        return Cells(self.mass, nan, nan)
+
+    def same_shape_share(self, share) -> np.ndarray:
+        if share is not None:
+            raise PBEError("a two-component grid has no shapes")
+        return np.ones(self.cells)
+
+    def corners(self, mass: np.ndarray, cell_average: bool = False):
+        """Slots that share one product of each given pair of masses (n, 2): (slot, number, None), each (n, 4)."""
+        if cell_average:
+            raise PBEError(
+                "cell average is for one mass coordinate; a two-component grid uses the fixed pivot"
+            )
+        m = np.asarray(mass, float).reshape(-1, 2)
+        over = (m[:, 0] > self.first[-1] * (1 + 1e-12)) | (m[:, 1] > self.second[-1] * (1 + 1e-12))
+        if np.any(m[:, 0] < self.first[0] * (1 - 1e-12)) or np.any(m[:, 1] < self.second[0] * (1 - 1e-12)):
+            raise PBEError("two-component grid: a product lies below the first pivot; start the axes at zero")
+        (i, u), (j, v) = _bracket(self.first, m[:, 0]), _bracket(self.second, m[:, 1])
+        n = self.second.size
+        slot = np.stack([i * n + j, i * n + j + 1, (i + 1) * n + j, (i + 1) * n + j + 1], axis=1)
+        number = np.stack([(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v], axis=1)
+        slot[over] = self.cells + np.array([0, 1, 2, 2])
+        number[over] = np.stack([np.ones(len(m)), m[:, 0], m[:, 1], np.zeros(len(m))], axis=1)[over]
+        return slot, number, None
+
+
+def _bracket(axis: np.ndarray, x: np.ndarray):
+    """Lower neighbour of x on an axis and the share of the upper one."""
+    x = np.clip(x, axis[0], axis[-1])
+    i = np.clip(np.searchsorted(axis, x, side="right") - 1, 0, axis.size - 2)
+    return i, (x - axis[i]) / (axis[i + 1] - axis[i])
