@@ -8,6 +8,7 @@ On a grid of whole primaries a parent of P yields 1 ... P - 1; the density is ta
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,11 +39,11 @@ class PowerLawRate:
 
 @dataclass(frozen=True)
 class ExponentialRate:
-    """S = g sqrt(4/(15 pi))... exp(-stress_critical/stress) with a strength that falls with size.
+    """S = sqrt(4/(15 pi)) g exp(-strength/stress), strength(m) = strength m^-power.
 
-    Kusters (1991) wrote S = sqrt(4/15 pi) sqrt(eps/nu) exp(-eps_b/eps) for turbulent flocs, with eps_b falling as
-    1/R; in shear g takes the place of sqrt(eps/nu) and mu g that of eps.  strength(P) = strength_1 P^(-1/(2 q)) makes
-    the size at which stress equals strength fall as (mu g)^-(2 q)... with q the exponent of the radius.
+    After Kusters (1991), S = sqrt(4/(15 pi)) sqrt(eps/nu) exp(-eps_b/eps) for flocs in turbulence; in simple shear g
+    takes the place of sqrt(eps/nu) and mu g that of eps.  Stress meets strength at a size that falls as
+    (mu g)^(-1/power), so power = 1/2 goes with q = 2.
     """
 
     shear_rate: float  # g [1/s]
@@ -258,7 +259,7 @@ class SchulzZimm(Daughters):
 class FromPieces(Daughters):
     """A user's own: a function of the parent's mass that returns (masses, expected numbers) of its fragments."""
 
-    function: object
+    function: Callable
 
     @property
     def name(self):
@@ -277,6 +278,7 @@ class FromPieces(Daughters):
 
 
 def as_daughters(daughters) -> Daughters:
+    """What a user brings, as Daughters."""
     if isinstance(daughters, Daughters):
         return daughters
     if callable(daughters):

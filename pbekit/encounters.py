@@ -7,8 +7,8 @@ exactly the mass of its parents; that is checked here, once, for every event who
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Callable
 
 import numpy as np
 
@@ -74,7 +74,10 @@ class _Rows:
 
     def __init__(self, grid, averaged: bool):
         self.grid, self.averaged = grid, averaged
-        self.slot, self.number, self.carried, self.length = [], [], [], []
+        self.slot: list[np.ndarray] = []
+        self.number: list[np.ndarray] = []
+        self.carried: list[np.ndarray] = []
+        self.length: list[np.ndarray] = []
 
     def add_dense(self, number, carried, offset, parents, name):
         keep = np.flatnonzero((number != 0) | (carried != 0))
@@ -109,7 +112,7 @@ class _Rows:
             raise KernelError(f"{name}: products weigh {got[r]} where the parents weigh {parents[r]}")
 
     def finish(self):
-        join = lambda parts, kind: np.concatenate(parts).astype(kind) if parts else np.zeros(0, kind)  # noqa: E731
+        join = lambda parts, kind: np.concatenate(parts).astype(kind) if parts else np.zeros(0, kind)
         starts = np.concatenate([[0], np.cumsum(np.concatenate(self.length))]).astype(np.int64)
         carried = join(self.carried, float) if self.averaged else np.zeros(0)
         return starts, join(self.slot, np.int64), join(self.number, float), carried
@@ -204,8 +207,8 @@ def assemble(grid: Grid | TwoComponentGrid, events: list, averaged: bool, closed
         sizes.astype(np.int64),
         np.ascontiguousarray(shares),
         np.ascontiguousarray(grid.mass),
-        (grid.neighbour(1) if averaged else none).astype(np.int64),
-        (grid.neighbour(-1) if averaged else none).astype(np.int64),
+        (grid.neighbour(1) if averaged and isinstance(grid, Grid) else none).astype(np.int64),
+        (grid.neighbour(-1) if averaged and isinstance(grid, Grid) else none).astype(np.int64),
         tail,
     )
     return Assembled(geometry, encounters, first_order, restructuring)
@@ -224,8 +227,7 @@ def _collisional_rows(grid, event, rows, class_mass, a, b, weight, class_start, 
     of_pair: Callable | None = None
     if not isinstance(event.daughters, Daughters) and callable(event.daughters):
         of_pair = event.daughters
-    daughters = None if of_pair else as_daughters(event.daughters)
-    name = daughters.name if daughters else getattr(of_pair, "__name__", "daughters")
+    name = getattr(event.daughters, "name", getattr(of_pair, "__name__", "daughters"))
     # Pairs that never meet get an empty row.
     meets = np.add.reduceat(np.add.reduceat(weight, class_start[:-1], axis=0), class_start[:-1], axis=1) > 0
     cached: dict = {}
@@ -241,7 +243,7 @@ def _collisional_rows(grid, event, rows, class_mass, a, b, weight, class_start, 
         else:
             key = float(parents[0])
             if key not in cached:
-                cached[key] = _place_fragments(grid, daughters, key, averaged)
+                cached[key] = _place_fragments(grid, as_daughters(event.daughters), key, averaged)
             placed = cached[key]
         rows.add_dense(*placed, offset, parents, name)
 

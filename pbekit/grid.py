@@ -6,8 +6,9 @@ Legend: K cells, S sizes (pivots).  Masses are numbers of primaries P (a *discre
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Callable, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 

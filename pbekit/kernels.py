@@ -7,8 +7,8 @@ ordered pairs, so K_ij is the rate at which one i meets one j in unit volume.
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Callable
 
 import numpy as np
 from scipy import special

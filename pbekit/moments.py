@@ -20,7 +20,7 @@ def mean_size(number, mass) -> xr.DataArray:
 def size_deviation(number, mass) -> xr.DataArray:
     """sigma_P, standard deviation of P over aggregates."""
     variance = moment(number, mass, 2) / moment(number, mass, 0) - mean_size(number, mass) ** 2
-    return np.sqrt(variance.clip(min=0))
+    return variance.clip(min=0) ** 0.5
 
 
 def sauter_diameter(number, outer_radius) -> xr.DataArray:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Callable
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -19,7 +20,7 @@ def integrate(
     balance: PopulationBalance,
     population: np.ndarray,
     times: np.ndarray,
-    method: str = "LSODA",
+    method: Any = "LSODA",
     rtol: float = 1e-8,
     atol: float | None = None,
     progress: Callable[[float], None] | None = None,
@@ -42,7 +43,7 @@ def integrate(
             progress(t)
             return balance.rhs(t, y)
 
-    options = dict(jac=balance.jacobian) if method in STIFF else {}
+    options: dict[str, Any] = dict(jac=balance.jacobian) if method in STIFF else {}
     solution = solve_ivp(
         rhs, (times[0], times[-1]), start, method=method, t_eval=times, rtol=rtol, atol=atol, **options
     )
@@ -64,6 +65,7 @@ def solve(balance: PopulationBalance, population, times, time_unit: str = "s", *
 def to_dataset(
     balance: PopulationBalance, states: np.ndarray, times: np.ndarray, time_unit: str = "s"
 ) -> xr.Dataset:
+    """States (times, K + tail) as a dataset that carries its grid, moments, overflow and mass drift."""
     grid, cells = balance.grid, balance.cells
     numbers = states[:, :cells]
     clipped = np.minimum(numbers, 0.0) @ grid.mass

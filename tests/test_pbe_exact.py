@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -144,7 +146,7 @@ def test_golovin(scheme, ratios, law):
     moment = kernel.exact_moments(time, 1.0, 1.0)
 
     def wanted(edges):
-        fine = np.concatenate([np.linspace(a, b, 40, endpoint=False) for a, b in zip(edges[:-1], edges[1:])])
+        fine = np.concatenate([np.linspace(a, b, 40, endpoint=False) for a, b in itertools.pairwise(edges)])
         fine = np.append(fine, edges[-1])
         density = kernel.exact_density(fine, time, 1.0, 1.0)
         steps = 0.5 * (density[1:] + density[:-1]) * np.diff(fine)
@@ -164,7 +166,7 @@ def test_random_scission(scheme, law):
     def wanted(edges):
         return exact.random_scission(edges, time, 1.0, 1.0, rate)[0]
 
-    events = lambda: [Breakage(PowerLawRate(rate), Uniform())]  # noqa: E731
+    events = lambda: [Breakage(PowerLawRate(rate), Uniform())]
     errors = _errors(events, exponential_below(1, 1), time, wanted, 2 / (1 + rate * time), scheme, RATIOS)
     check_law(errors, RATIOS, *law)
 
@@ -174,7 +176,7 @@ def test_aggregation_against_random_scission(scheme, law):
     time, rate, breakage = 2.0, 1.0, 0.2
     number = exact.aggregation_with_random_scission(time, 1.0, 1.0, rate, breakage)
     below = exponential_below(number, 1 / number)
-    events = lambda: [Aggregation(Constant(rate)), Breakage(PowerLawRate(breakage), Uniform())]  # noqa: E731
+    events = lambda: [Aggregation(Constant(rate)), Breakage(PowerLawRate(breakage), Uniform())]
     errors = _errors(events, exponential_below(1, 1), time, below[0], 2 / number, scheme, RATIOS)
     check_law(errors, RATIOS, *law)
 
@@ -222,14 +224,9 @@ def test_breakage_in_two_coordinates():
     for count in (17, 33):
         axis = np.linspace(0, 1, count)
         grid = TwoComponentGrid(axis, axis)
-        weights = {}
 
-        def rectangle(parents):
-            key = tuple(parents)
-            if key not in weights:
-                along = [_uniform_hat(axis, p) for p in parents]
-                weights[key] = grid.masses, 2 * np.outer(*along).ravel()
-            return weights[key]
+        def rectangle(parents, axis=axis, grid=grid):
+            return grid.masses, 2 * np.outer(*(_uniform_hat(axis, p) for p in parents)).ravel()
 
         broken = np.where((grid.masses > 0).all(axis=1), rate, 0.0)
         balance = PopulationBalance(grid, [Breakage(broken, rectangle)])
