@@ -26,11 +26,3 @@ def read_quantity(option: str, given: str, quantity: Quantity) -> float:
         return quantity.to_si(given)
     except PydanticCustomError as problem:
         raise UserError(f'{option} "{given}" {problem.message()}') from None
-
-
-def refuse_existing(output: Path, *, overwrite: bool) -> None:
-    """Raise `UserError` where writing `output` would destroy a file or cannot succeed."""
-    if output.is_dir():
-        raise UserError(f"{output} is a folder; give the name of a file in it")
-    if output.exists() and not overwrite:
-        raise UserError(f"{output} exists; give another name, or --overwrite to replace it")

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from mcdem.commands import SceneFile, read_quantity, refuse_existing
+from mcdem.commands import SceneFile, read_quantity
 from mcdem.units import TIME
+
+
+class Engine(StrEnum):
+    """What computes the encounters."""
+
+    process = "process"
+    mpi = "mpi"
+    dask = "dask"
 
 
 def run(
@@ -27,40 +36,49 @@ def run(
     ] = None,
     events: Annotated[int | None, typer.Option(min=1, help="Number of encounters to stop after.")] = None,
     workers: Annotated[
-        int, typer.Option(min=1, help="Processes that resolve encounters; the dataset is the same.")
-    ] = 1,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from what FILE holds.")] = False,
+        int | None,
+        typer.Option(
+            min=1, help="How many compute encounters; the dataset is the same. Default: all there are."
+        ),
+    ] = None,
+    executor: Annotated[
+        Engine, typer.Option(help="process: this machine; mpi: ranks of mpiexec; dask: a cluster.")
+    ] = Engine.process,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of the dask cluster, such as tcp://host:8786.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on from what FILE holds, if it exists.")
+    ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE if it exists.")] = False,
 ) -> None:
     """Follow the suspension of a scene and write every event to a NetCDF dataset.
 
-    Ctrl-C keeps what was computed; --resume goes on from there.
+    Ctrl-C keeps what was computed; `--resume` goes on from there.
     """
-    from mcdem.progress import RunProgress
+    from mcdem.progress import RunDisplay, state
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
     stop = read_quantity("--until", until, TIME.positive) if until is not None else None
     file = output or Path(f"{loaded.name}.nc")
-    if not resume:
-        refuse_existing(file, overwrite=overwrite)
 
-    from mcdem.simulate import run as simulate
+    from mcdem import executors, simulate
 
-    with RunProgress(loaded, until=stop, events=events) as progress:
-        try:
-            simulate(
-                loaded,
-                file,
-                seed=seed,
-                until=stop,
-                events=events,
-                workers=workers,
-                resume=resume,
-                progress=progress,
-            )
-        except KeyboardInterrupt:
-            progress.close()
-            typer.secho(f"interrupted; {file} holds what was computed, --resume goes on from there", err=True)
-            raise typer.Exit(130) from None
-    typer.echo(f"{file} written")
+    with executors.opened(executor.value, workers, scheduler) as crew, RunDisplay(loaded.name) as display:
+        done = simulate.run(
+            loaded,
+            file,
+            seed=seed,
+            until=stop,
+            events=events,
+            workers=crew.workers,
+            executor=crew.executor,
+            resume=resume,
+            overwrite=overwrite,
+            progress=display,
+        )
+    typer.echo(f"{file}: {state(done.time, done.events, done.outcomes)}; ended by {done.ended_by}")
+    if done.ended_by == "interruption":
+        typer.echo("--resume goes on from there", err=True)
+        raise typer.Exit(130)
