@@ -1,7 +1,7 @@
 """The command `mcdem`: one file of `mcdem/commands/` for each of its subcommands.
 
 Exit codes: 0 done; 1 a defect of the program, with its traceback; 2 something to mend in what was given, said in a line;
-130 interrupted, what was computed is kept.
+3 `mcdem check` warns; 130 interrupted, what was computed is kept.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from mcdem.commands import describe, encounter, plot, run
+from mcdem.commands import check, describe, encounter, plot, run
 from mcdem.errors import UserError
 
 
@@ -38,7 +38,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for module in (run, plot, encounter, describe):
+for module in (run, plot, encounter, check, describe):
     app.command()(getattr(module, module.__name__.rpartition(".")[2]))
 
 

@@ -35,4 +35,4 @@ def describe(
         for entry in entries:
             default = "" if entry.default == "required" else f"; default {entry.default}"
             console.print(Text.assemble("  ", (entry.key, "cyan"), f"  {entry.expected}", (default, "green")))
-            console.print(Padding(Text(entry.meaning), (0, 0, 0, 6)))
+            console.print(Padding(Text(entry.meaning), (0, 0, 0, 6), expand=False))

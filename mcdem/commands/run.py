@@ -56,12 +56,18 @@ def run(
 
     Ctrl-C keeps what was computed; `--resume` goes on from there.
     """
+    from mcdem.check import check
     from mcdem.progress import RunDisplay, state
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
     stop = read_quantity("--until", until, TIME.positive) if until is not None else None
     file = output or Path(f"{loaded.name}.nc")
+    for finding in check(loaded):
+        if finding.verdict == "warning":
+            typer.secho(
+                f"warning: {finding.name} = {finding.value:.3g}: {finding.words}", fg="yellow", err=True
+            )
 
     from mcdem import executors, simulate
 

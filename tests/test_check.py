@@ -1,0 +1,148 @@
+"""What `mcdem check` says of a scene: the paper's own numbers, and each warning where it is due and only there."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from typer.testing import CliRunner
+
+import mcdem
+from mcdem.check import check, contact_relaxation, tabor_number
+from mcdem.cli import app
+
+SCENES = Path(__file__).parent.parent / "scenes"
+
+
+def scene(stress=750, **changes):
+    return mcdem.load_scene(SCENES / f"paper-{stress}Pa.toml").with_changes(
+        {key.replace("__", "."): value for key, value in changes.items()}
+    )
+
+
+def finding(scene, start):
+    (found,) = [one for one in check(scene) if one.name.startswith(start)]
+    return found
+
+
+# Numbers derived by hand from Table 1 of Frungieri & Vanni (2021).
+
+
+@pytest.mark.parametrize(
+    ("start", "at_750", "at_1000"),
+    [
+        ("Peclet", 4.29e5, 5.72e5),
+        ("cohesion", 0.319, 0.426),
+        ("Tabor", 0.985, 0.985),
+        ("attraction number", 9.15e-7, 6.86e-7),
+        ("cut-off delta over l0/a", 15.2, 15.2),
+        ("paper's step dt_b", 1 / 0.84, 1 / 1.12),
+        ("work of adhesion", 0.995, 0.995),
+    ],
+)
+def test_the_papers_groups(start, at_750, at_1000):
+    assert finding(scene(750), start).value == pytest.approx(at_750, rel=5e-3)
+    assert finding(scene(1000), start).value == pytest.approx(at_1000, rel=5e-3)
+
+
+@pytest.mark.parametrize("stress", [750, 875, 1000])
+def test_the_papers_scene(stress):
+    found = check(scene(stress))
+    assert not [one for one in found if one.verdict == "warning"]
+    words = " ".join(one.words for one in found)
+    assert "Brownian motion cannot matter" in words
+    assert "the fluid's inertia cannot matter" in words
+    assert "the particles' inertia cannot matter" in words
+    assert "eta_11 depends on delta" in words
+    assert "dt_b is near the contact's relaxation time" in words
+
+
+@pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_scene_can_be_checked(path):
+    for one in check(mcdem.load_scene(path)):
+        assert math.isfinite(one.value)
+        assert one.words
+
+
+# Each warning, at a scene that deserves it.
+
+
+@pytest.mark.parametrize(
+    ("changes", "start", "verdict", "words"),
+    [
+        ({"suspension.radius": "5 nm"}, "Peclet", "warning", "Brownian motion matters and is not simulated"),
+        ({"suspension.radius": "50 nm"}, "Peclet", "note", "Brownian motion, not simulated"),
+        ({"suspension.radius": "10 um"}, "Reynolds", "warning", "inertia matters and is not simulated"),
+        ({"suspension.radius": "10 um"}, "Stokes", "warning", "inertia matters and is not simulated"),
+        ({"flow.shear_stress": "3000 Pa"}, "cohesion", "warning", "the flow parts even doublets"),
+        ({"flow.shear_stress": "1 Pa"}, "cohesion", "note", "only large aggregates break"),
+        ({"effects.jkr": None}, "contact laws", "warning", "add [effects.jkr]"),
+        ({"effects": None}, "contact laws", "note", "nothing sticks"),
+        ({"effects.jkr.surface_energy": "50 mJ/m^2"}, "work of adhesion", "note", "disagree"),
+        ({"effects.jkr.elastic_modulus": "3 MPa"}, "Tabor", "fine", "JKR contacts are right"),
+        ({"effects.jkr.elastic_modulus": "1000 GPa"}, "Tabor", "warning", "(below 0.1), the scene has JKR"),
+        ({"effects.van_der_waals.hamaker_constant": "1e-24 J"}, "van der Waals", "note", "may be left out"),
+        ({"hydrodynamics.lubrication_cutoff": 1e-4}, "cut-off delta over the gap", "fine", "hardly depends on delta"),
+        ({"hydrodynamics.lubrication_cutoff": 0.0}, "cut-off delta over the gap", "note", "depends on l0 instead"),
+        ({"hydrodynamics.lubrication_cutoff": 0.2}, "cut-off delta over l0/a", "warning", "little of lubrication is left"),
+        ({"hydrodynamics.lubrication_cutoff": 1e-4}, "cut-off delta over l0/a", "note", "below the molecular roughness"),
+        ({"suspension.volume_fraction": 0.01}, "simulated time", "warning", "too crowded"),
+        ({"suspension.volume_fraction": 1e-3}, "simulated time", "note", "may meet a third"),
+        ({"numerics.scheme": "paper", "numerics.paper_base_step": "5 us"}, "paper's step", "warning", "past the limit"),
+        ({"numerics.paper_base_step": "5 us"}, "paper's step", "note", "no such limit"),
+        ({"numerics.paper_base_step": "0.1 us"}, "paper's step", "fine", "resolves the contacts"),
+        ({"numerics.max_step": 0.5}, "longest step", "warning", "not resolved"),
+        ({"numerics.start_distance": 2.0}, "start distance", "note", "already feel each other"),
+    ],
+)  # fmt: skip
+def test_verdicts_follow_the_numbers(changes, start, verdict, words):
+    found = finding(scene().with_changes(changes), start)
+    assert found.verdict == verdict
+    assert words in found.words
+    before = [one for one in check(scene()) if one.name.startswith(start)]
+    assert found not in before
+
+
+# Truths.
+
+
+def test_tabor_number_in_its_limits():
+    """JKR deforms by (R w^2/E*^2)^(1/3) before it lets go: the number is that length over the range of the attraction."""
+    base = tabor_number(1e-6, 0.01, 1e9, 1e-10)
+    assert tabor_number(8e-6, 0.01, 1e9, 1e-10) == pytest.approx(2.0 * base)
+    assert tabor_number(1e-6, 0.01, 1e9, 2e-10) == pytest.approx(base / 2.0)
+    assert tabor_number(1e-6, 0.08, 1e9, 1e-10) == pytest.approx(4.0 * base)
+
+
+def test_relaxation_time_follows_the_exact_squeeze_film():
+    """Exact damping of two approaching spheres (Jeffrey & Onishi 1984): X^A = 1/(4 xi) + 9/40 ln(1/xi) + ..., xi = h/a."""
+    paper = scene()
+    thin = paper.with_changes({"hydrodynamics.lubrication_cutoff": 1e-4})
+    ratio = contact_relaxation(thin) / contact_relaxation(paper)
+    exact = [1 / (4 * xi) + 9 / 40 * np.log(1 / xi) for xi in (1e-4, 5e-3)]
+    assert ratio == pytest.approx(exact[0] / exact[1], rel=0.03)
+
+
+def test_mean_approach_is_that_of_the_flux():
+    """|z0|/y0 averaged with the flux, a density proportional to y on the disc of R_i + R_j, is 3 pi/4 of |z0|/(R_i + R_j)."""
+    width = lambda y: 2.0 * np.sqrt(1.0 - y * y)
+    mean = quad(width, 0, 1)[0] / quad(lambda y: y * width(y), 0, 1)[0]
+    no_rotations = scene().with_changes({"numerics.rotations": 0, "numerics.start_distance": 5.0})
+    between = math.pi / (8.0 * no_rotations.suspension.volume_fraction)
+    assert finding(no_rotations, "simulated time").value == pytest.approx(5.0 * mean / between)
+
+
+# The command.
+
+
+def test_exit_code_tells(tmp_path):
+    run = CliRunner().invoke(app, ["check", str(SCENES / "paper-1000Pa.toml")], prog_name="mcdem")
+    assert run.exit_code == 0
+    assert "Brownian" in run.stdout
+    crowded = tmp_path / "crowded.toml"
+    crowded.write_text((SCENES / "quickstart.toml").read_text().replace("1e-4", "0.1"))
+    run = CliRunner().invoke(app, ["check", str(crowded)], prog_name="mcdem")
+    assert run.exit_code == 3
+    assert "warning" in run.stdout
+    assert CliRunner().invoke(app, ["check", str(tmp_path / "none.toml")], prog_name="mcdem").exit_code == 2
