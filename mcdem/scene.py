@@ -81,6 +81,9 @@ class Hydrodynamics(Table):
     """Force-torque-stresslet far field with pair lubrication."""
     lubrication_cutoff: NonNegativeDimensionless = 5e-3
     """Gap over radius, delta, below which lubrication keeps its value there; 0 for no cut-off (paper, section 2.2.1)."""
+    cutoff_reading: Literal["matrix", "gap"] = "matrix"
+    """Below the cut-off, "matrix": the two-body resistance is frozen, as the paper says; "gap": the strain sees the frozen gap
+    too, so that a touching pair is not squeezed by it; needed where delta is not large against the overlap of contacts."""
 
 
 class Numerics(Table):
@@ -90,14 +93,22 @@ class Numerics(Table):
     """"implicit": contacts solved at the end of the step; "paper": explicit Euler with the time step of Eq. 20."""
     max_step: PositiveDimensionless = 0.1
     """Longest step of the implicit scheme, in units of 1/g."""
+    event_step: PositiveDimensionless = 0.0125
+    """Step to which the time of a contact's loss is resolved by the implicit scheme, in units of 1/g."""
     start_distance: Annotated[PositiveDimensionless, Field(ge=1.0)] = 5.0
     """Distance upstream at which the second aggregate starts, in units of R_i + R_j."""
     rotations: NonNegativeDimensionless = 8.0
     """Rotations N_rot that follow the approach (Eq. 21)."""
+    longest_approach: PositiveDimensionless = 1000.0
+    """Strain g t after which an approach is given up and recorded as unresolved: it diverges as y0 goes to 0 (Eq. 21)."""
+    most_steps: Annotated[int, Field(gt=0)] = 20_000_000
+    """Steps after which an encounter is given up and recorded as unresolved."""
     paper_base_step: PositiveTime = 1e-6
     """Base time step dt_b of the paper's scheme (Table 1)."""
     paper_step_velocity: Literal["relative", "normal"] = "relative"
     """Velocity that Eq. 20 bounds: "relative", its literal reading, or "normal", that along the line of centres."""
+    paper_close_gap: PositiveDimensionless = 1.0
+    """Gap over radius below which Eq. 20 counts two primaries as close; the paper does not say (assumption)."""
     pair_selection: Literal["clocks", "inversion"] = "clocks"
     """"clocks": each pair carries an exponential waiting time; "inversion": the paper's Eqs. 4-6. Equal in distribution."""
 

@@ -1,0 +1,123 @@
+"""An aggregate: where its primary particles are and which of them touch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.transform import Rotation
+
+from mcdem.errors import UserError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from mcdem.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Aggregate:
+    """Primary particles held together by contacts.
+
+    positions : (P, 3) [m] centres about the centre of mass
+    bonds : (B, 2) contacts i < j, sorted.  They are carried through everything that happens: a pair with a gap
+        between 0 and the pull-off gap can be in contact or not, so geometry alone cannot tell.
+    """
+
+    positions: NDArray[np.float64]
+    bonds: NDArray[np.int32]
+
+    @property
+    def size(self) -> int:
+        """Number of primary particles P."""
+        return self.positions.shape[0]
+
+    def outer_radius(self, radius: float) -> float:
+        """Outer radius R [m]: from the centre of mass to the furthest surface; `radius` of the primaries [m]."""
+        return float(np.sqrt(self._furthest) + radius)
+
+    @cached_property
+    def _furthest(self) -> float:
+        return float((self.positions**2).sum(axis=1).max())
+
+    @classmethod
+    def monomer(cls) -> Aggregate:
+        """A free primary particle."""
+        return cls(np.zeros((1, 3)), np.zeros((0, 2), np.int32))
+
+    @classmethod
+    def from_contacts(cls, positions: NDArray[np.float64], bonded: NDArray[np.bool_]) -> Aggregate:
+        """The aggregate at `positions` (P, 3) [m] with the contact network `bonded` (P, P)."""
+        first, second = np.nonzero(np.triu(bonded, 1))
+        centred = positions - positions.mean(axis=0)
+        return cls(centred, np.column_stack([first, second]).astype(np.int32))
+
+    @classmethod
+    def from_positions(cls, scene: Scene, positions: ArrayLike, bonds: ArrayLike | None = None) -> Aggregate:
+        """An aggregate from positions (P, 3) [m] given by a user.
+
+        Without `bonds` (B, 2), pairs up to the pull-off gap count as contacts.  Raises `UserError` for positions that
+        are not finite, primaries that overlap by more than a contact can be compressed, or parts that do not touch.
+        """
+        points = np.array(positions, dtype=float, ndmin=2)
+        if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
+            raise UserError(f"positions: expected an array (P, 3) in metres, found shape {points.shape}")
+        if not np.isfinite(points).all():
+            row = int(np.argwhere(~np.isfinite(points))[0, 0])
+            raise UserError(f"positions: primary {row} is at {points[row]}, expected finite numbers in metres")
+        radius = scene.suspension.radius
+        gaps = np.linalg.norm(points[:, None] - points[None], axis=2) - 2.0 * radius
+        np.fill_diagonal(gaps, np.inf)
+        limit = overlap_limit(scene) * radius
+        if gaps.min() < -limit:
+            i, j = np.unravel_index(gaps.argmin(), gaps.shape)
+            raise UserError(
+                f"positions: primaries {i} and {j} overlap by {-gaps[i, j] / radius:.3g} radii, more than the "
+                f"{limit / radius:.3g} that a contact allows: move them apart (are the positions in metres?)"
+            )
+        bonded = np.zeros(gaps.shape, bool)
+        if bonds is None:
+            jkr = scene.effects.jkr
+            reach = jkr.kernel(scene).pull_off_gap * radius if jkr is not None else 0.0
+            bonded[gaps <= reach] = True
+        else:
+            pairs = np.asarray(bonds, int).reshape(-1, 2)
+            if pairs.size and (pairs.min() < 0 or pairs.max() >= len(points) or (pairs[:, 0] == pairs[:, 1]).any()):
+                raise UserError(f"bonds: expected pairs of different numbers from 0 to {len(points) - 1}")
+            bonded[pairs[:, 0], pairs[:, 1]] = bonded[pairs[:, 1], pairs[:, 0]] = True
+        count, _ = connected_components(bonded)
+        if count > 1:
+            raise UserError(
+                f"positions: the primaries form {count} parts that do not touch, expected one aggregate: "
+                "bring them into contact, or name the contacts as bonds"
+            )
+        return cls.from_contacts(points, bonded)
+
+    def contact_network(self) -> NDArray[np.bool_]:
+        """Contacts as a symmetric matrix (P, P)."""
+        bonded = np.zeros((self.size, self.size), bool)
+        bonded[self.bonds[:, 0], self.bonds[:, 1]] = bonded[self.bonds[:, 1], self.bonds[:, 0]] = True
+        return bonded
+
+    def turned(self, rng: np.random.Generator) -> Aggregate:
+        """The aggregate in a random orientation, uniform over all rotations."""
+        if self.size == 1:
+            return self
+        return Aggregate(Rotation.random(rng=rng).apply(self.positions), self.bonds)
+
+
+def overlap_limit(scene: Scene) -> float:
+    """Largest overlap h/a accepted at the door: well beyond what a contact bears, at least a hundredth."""
+    jkr = scene.effects.jkr
+    return max(0.01, 10.0 * jkr.kernel(scene).indentation) if jkr is not None else 0.01
+
+
+def split(positions: NDArray[np.float64], bonded: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Members of the connected components of the contact network, each sorted, in the order of their first member."""
+    count, labels = connected_components(coo_array(bonded), directed=False)
+    parts = [np.flatnonzero(labels == part) for part in range(count)]
+    return sorted(parts, key=lambda members: int(members[0]))

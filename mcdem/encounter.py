@@ -1,0 +1,289 @@
+"""One encounter of two aggregates: where it starts, how long it lasts, and what came of it.
+
+Frungieri & Vanni 2021, sections 2.1 and 2.2.3.  Aggregate i rests at the origin; j starts upstream inside the
+circle of radius R_i + R_j with the flux of the undisturbed flow, both in random orientations, and all their
+primaries are followed for the time of Eq. 21.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mcdem.aggregate import Aggregate, split
+from mcdem.errors import UserError
+from mcdem.hydrodynamics.far_field import tensor_to_five
+from mcdem.hydrodynamics.two_sphere import lubrication_table
+from mcdem.stepping import state
+from mcdem.stepping.implicit import ImplicitOptions
+from mcdem.stepping.integrate import integrate
+from mcdem.stepping.paper_euler import PaperOptions
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mcdem.scene import Scene
+
+OUTCOMES = ("missed", "aggregation", "parted", "exchange", "fragmentation", "unresolved")
+"""missed: no contact, the same two sets of primaries; aggregation: one product; parted: contact, the same two sets;
+exchange: two products, other sets; fragmentation: three products or more; unresolved: the motion could not be followed."""
+
+PAPER_BREAKUP = frozenset({"parted", "exchange", "fragmentation"})
+"""Breakup as section 2.1 of the paper counts it: two fragments after a collision are one."""
+STRICT_BREAKUP = frozenset({"exchange", "fragmentation"})
+"""Breakup without pairs that touch and part as they came."""
+
+_REASONS = {
+    state.NOT_POSITIVE_DEFINITE: "the resistance matrix could not be factorised",
+    state.NOT_CONVERGED: "the contact forces of a step could not be found",
+    state.TOO_MANY_STEPS: "more steps than numerics.most_steps",
+    state.NOT_FINITE: "positions are no longer finite",
+}
+
+
+@dataclass
+class Recorder:
+    """Asks an encounter to keep its course: pass one as `record=`, read its arrays afterwards.
+
+    interval : strain g t between two frames
+    time : (F,) [s];  positions : (F, N, 3) [m];  tension : (F, N, N) [N], nan where there is no contact
+    parent : (N,) 0 for primaries of i, 1 for those of j
+    """
+
+    interval: float = 0.25
+    time: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    positions: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0, 3)))
+    tension: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    parent: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+
+
+@dataclass(frozen=True, eq=False)
+class EncounterResult:
+    """What came of an encounter.
+
+    products : aggregates after it, about their own centres of mass
+    members : identities of each product's primaries, numbered 0 .. P_i - 1 in i, then those of j
+    centres : (products, 3) [m] centres of mass at the end
+    offset : (x0, y0) [m] of j at the start
+    contact : whether a primary of i touched one of j
+    simulated_time, first_contact_time, last_bond_change_time, first_bond_loss_time : [s], nan if it never happened
+    largest_tension : [N] of any contact at any time;  smallest_gap : [m] between primaries of different parents
+    steps, solves : accepted steps, and evaluations of the hydrodynamics;  cpu_time : [s]
+    reason : why it is unresolved, else empty; the products are then the parents as they were
+    state : positions (N, 3) [m] at which an unresolved encounter stopped, else None
+    """
+
+    outcome: str
+    products: tuple[Aggregate, ...]
+    members: tuple[NDArray[np.intp], ...]
+    centres: NDArray[np.float64]
+    offset: tuple[float, float]
+    contact: bool
+    simulated_time: float
+    first_contact_time: float
+    last_bond_change_time: float
+    first_bond_loss_time: float
+    largest_tension: float
+    smallest_gap: float
+    steps: int
+    solves: int
+    cpu_time: float
+    reason: str = ""
+    state: NDArray[np.float64] | None = None
+
+
+@lru_cache(maxsize=32)
+def physics_of(scene: Scene) -> tuple[state.Flow, state.Physics]:
+    """The compiled code's view of a scene: flow and effects in reduced units, absent effects None."""
+    gradient = np.zeros((3, 3))
+    gradient[2, 1] = 1.0
+    strain = 0.5 * (gradient + gradient.T)
+    five = np.empty(5)
+    tensor_to_five(strain, five)
+    effects = scene.effects
+    kernels = {
+        name: effect.kernel(scene) if (effect := getattr(effects, name, None)) is not None else None
+        for name in ("van_der_waals", "double_layer", "short_range", "jkr", "dmt")
+    }
+    physics = state.Physics(
+        cutoff=scene.hydrodynamics.lubrication_cutoff,
+        shifted=scene.hydrodynamics.cutoff_reading == "gap",
+        table=lubrication_table(1.0),
+        **kernels,
+    )
+    return state.Flow(gradient, strain, five), physics
+
+
+@lru_cache(maxsize=32)
+def scheme_of(scene: Scene) -> tuple[ImplicitOptions | None, PaperOptions | None]:
+    """The stepping scheme's options in reduced units; the scheme that is not chosen is None."""
+    numerics, van_der_waals = scene.numerics, scene.effects.van_der_waals
+    roughness = van_der_waals.minimum_approach / scene.suspension.radius if van_der_waals is not None else 3e-4
+    if numerics.scheme == "paper":
+        return None, PaperOptions(
+            base_step=numerics.paper_base_step * scene.flow.shear_rate,
+            minimum_approach=roughness,
+            normal_component=numerics.paper_step_velocity == "normal",
+            close_gap=numerics.paper_close_gap,
+        )
+    refinement = numerics.max_step / 0.1
+    return (
+        ImplicitOptions(
+            max_step=numerics.max_step,
+            event_step=numerics.event_step,
+            gap_fraction=0.4 * refinement,
+            gap_floor=3.0 * roughness * refinement,
+            turn_limit=0.04 * refinement,
+            close_gap=0.05,
+        ),
+        None,
+    )
+
+
+def draw_offset(reach: float, rng: np.random.Generator) -> tuple[float, float]:
+    """Where the centre of j crosses the circle of radius `reach` [m], by the flux g y (paper, Fig. 3).
+
+    By symmetry y > 0; the density of x is uniform and that of y linear, inside the circle.
+    """
+    while True:
+        x = reach * (2.0 * rng.random() - 1.0)
+        y = reach * math.sqrt(rng.random())
+        if x * x + y * y <= reach * reach and y > 0.0:
+            return x, y
+
+
+def simulated_strain(scene: Scene, z0: float, y0: float) -> tuple[float, bool]:
+    """(g t_sim of Eq. 21, whether the approach was cut): |z0|/|y0| + 4 pi N_rot, the approach at most `longest_approach`."""
+    longest = scene.numerics.longest_approach
+    approach = abs(z0) / abs(y0) if y0 != 0.0 else math.inf
+    return min(approach, longest) + 4.0 * math.pi * scene.numerics.rotations, approach > longest
+
+
+def simulate_encounter(
+    scene: Scene,
+    aggregate_i: Aggregate | NDArray[np.float64],
+    aggregate_j: Aggregate | NDArray[np.float64],
+    offset: tuple[float, float] | None = None,
+    seed: int | np.random.Generator | None = None,
+    record: Recorder | None = None,
+    orient: bool = True,
+) -> EncounterResult:
+    """Follow one encounter to its end.
+
+    aggregate_i, aggregate_j : an `Aggregate`, or positions (P, 3) [m] whose contacts are read off the gaps
+    offset : (x0, y0) [m] of j's centre at the start; drawn by the flux through the circle of R_i + R_j if None
+    seed : of the orientations and the offset
+    record : keeps the course of the encounter
+    orient : False leaves the aggregates in the orientations given
+
+    Raises `UserError` for aggregates that overlap grossly or fall apart, and for an offset that starts in contact.
+    """
+    rng = np.random.default_rng(seed)
+    pair = [a if isinstance(a, Aggregate) else Aggregate.from_positions(scene, a) for a in (aggregate_i, aggregate_j)]
+    if orient:
+        pair = [a.turned(rng) for a in pair]
+    radius, units = scene.suspension.radius, scene.reduced
+    reach = sum(a.outer_radius(radius) for a in pair)
+    x0, y0 = draw_offset(reach, rng) if offset is None else (float(offset[0]), float(offset[1]))
+    if not (math.isfinite(x0) and math.isfinite(y0)):
+        raise UserError(f"offset: ({x0}, {y0}) m, expected two finite lengths in metres")
+    z0 = -math.copysign(scene.numerics.start_distance * reach, y0)
+    positions = np.concatenate([pair[0].positions, pair[1].positions + [x0, y0, z0]])
+    sizes = [a.size for a in pair]
+    bonded = np.zeros((sum(sizes), sum(sizes)), bool)
+    bonded[: sizes[0], : sizes[0]] = pair[0].contact_network()
+    bonded[sizes[0] :, sizes[0] :] = pair[1].contact_network()
+    parent = np.repeat([0, 1], sizes)
+    strain, cut = simulated_strain(scene, z0, y0)
+
+    motion = state.Motion(
+        positions / units.length,
+        (positions[:, [1]] / units.length) * np.array([0.0, 0.0, 1.0]),
+        bonded.copy(),
+        np.full(bonded.shape, -np.inf),
+        np.ones(sum(sizes)),
+        parent,
+    )
+    flow, physics = physics_of(scene)
+    implicit, paper = scheme_of(scene)
+    log = state.new_log()
+    frames = _frames(record, strain, sum(sizes)) if record is not None else None
+    started = time.process_time()
+    code = integrate(motion, flow, physics, implicit, paper, log, frames, strain, scene.numerics.most_steps)
+    cpu_time = time.process_time() - started
+    if record is not None and frames is not None:
+        _keep(record, frames, units, parent)
+
+    def seconds(value: NDArray[np.float64]) -> float:
+        return float(value[0]) * units.time
+
+    reason, kept = _REASONS.get(code, ""), None
+    contact = not math.isnan(log.first_contact[0])
+    if not reason and cut and not contact:
+        reason = "the approach is longer than numerics.longest_approach"
+    if reason:
+        outcome, products = "unresolved", tuple(pair)
+        members = (np.arange(sizes[0]), np.arange(sizes[0], sum(sizes)))
+        centres = np.array([[0.0, 0.0, 0.0], [x0, y0, z0]])
+        kept = motion.positions * units.length
+    else:
+        members = tuple(split(motion.positions, motion.bonded))
+        final = motion.positions * units.length
+        products = tuple(Aggregate.from_contacts(final[m], motion.bonded[np.ix_(m, m)]) for m in members)
+        centres = np.array([final[m].mean(axis=0) for m in members])
+        outcome = classify(members, sizes[0], contact)
+    return EncounterResult(
+        outcome=outcome,
+        products=products,
+        members=members,
+        centres=centres,
+        offset=(x0, y0),
+        contact=contact,
+        simulated_time=seconds(log.time),
+        first_contact_time=seconds(log.first_contact),
+        last_bond_change_time=seconds(log.last_bond_change),
+        first_bond_loss_time=seconds(log.first_bond_loss),
+        largest_tension=float(log.largest_tension[0]) * units.force,
+        smallest_gap=float(log.smallest_gap[0]) * units.length,
+        steps=int(log.steps[0]),
+        solves=int(log.solves[0]),
+        cpu_time=cpu_time,
+        reason=reason,
+        state=kept,
+    )
+
+
+def classify(members: tuple[NDArray[np.intp], ...], size_i: int, contact: bool) -> str:
+    """The outcome, from the products as sets of identities and whether the two aggregates touched."""
+    if len(members) == 1:
+        return "aggregation"
+    if len(members) > 2:
+        return "fragmentation"
+    same = all((m < size_i).all() or (m >= size_i).all() for m in members)
+    if not same:
+        return "exchange"
+    return "parted" if contact else "missed"
+
+
+def _frames(record: Recorder, strain: float, n: int) -> state.Frames:
+    count = math.ceil(strain / record.interval) + 2
+    return state.Frames(
+        record.interval,
+        np.zeros(1, np.int64),
+        np.zeros(count),
+        np.zeros((count, n, 3)),
+        np.zeros((count, n, n)),
+    )
+
+
+def _keep(record: Recorder, frames: state.Frames, units, parent: NDArray[np.int64]) -> None:
+    count = int(frames.count[0])
+    record.time = frames.time[:count] * units.time
+    record.positions = frames.positions[:count] * units.length
+    record.tension = frames.tension[:count] * units.force
+    record.parent = parent

@@ -1,0 +1,145 @@
+"""Two-body part of the resistance: exact two-sphere functions less their far field, pair by pair.
+
+The scalars of one pair (`mcdem.hydrodynamics.two_sphere`) are laid into the resistance matrix of N spheres with
+the tensor forms of Jeffrey & Onishi 1984 and Jeffrey 1992, d being the unit vector from the first to the second
+sphere.  The cut-off delta clamps the gap and keeps the true direction.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from mcdem.hydrodynamics.far_field import basis_contract
+from mcdem.hydrodynamics.two_sphere import lubrication_scalars
+
+# How the scalars of the pairs 21 and 22 follow from those of 12 and 11 when the spheres are equal: Y^B, X^G and
+# Y^G change sign with d, the others do not (order XA YA YB XC YC XG YG YH XM YM ZM).
+_ODD = (2, 5, 6)
+
+
+@njit(cache=True)
+def pair_scalars(gap, table, raw, scalars):
+    """Two-body differences of two equal spheres at `gap` h/a into scalars (11, 4); raw (22,) is work space."""
+    lubrication_scalars(gap, table, raw)
+    for family in range(11):
+        sign = -1.0 if family in _ODD else 1.0
+        scalars[family, 0] = raw[2 * family]
+        scalars[family, 1] = raw[2 * family + 1]
+        scalars[family, 2] = sign * raw[2 * family + 1]
+        scalars[family, 3] = sign * raw[2 * family]
+
+
+@njit(cache=True, inline="always")
+def _axial(matrix, row, column, parallel, normal, d):
+    """matrix[3, 3 block] += parallel d d + normal (1 - d d)."""
+    for k in range(3):
+        for m in range(3):
+            dd = d[k] * d[m]
+            matrix[row + k, column + m] += parallel * dd + normal * ((1.0 if k == m else 0.0) - dd)
+
+
+@njit(cache=True, inline="always")
+def _cross(matrix, row, column, factor, d):
+    """matrix[3, 3 block] += factor eps_klm d_m, with k the row and l the column."""
+    matrix[row, column + 1] += factor * d[2]
+    matrix[row, column + 2] -= factor * d[1]
+    matrix[row + 1, column] -= factor * d[2]
+    matrix[row + 1, column + 2] += factor * d[0]
+    matrix[row + 2, column] += factor * d[1]
+    matrix[row + 2, column + 1] -= factor * d[0]
+
+
+@njit(cache=True)
+def add_pair(s, i, j, d, strain, shift, matrix, drive):
+    """Add one pair to the resistance and to the drive of the straining flow.
+
+    s : (11, 4) scalars of XA YA YB XC YC XG YG YH XM YM ZM for the pairs 11, 12, 21, 22, in units of length a
+        and resistance 6 pi mu a^n
+    i, j : the pair, i > j; **sphere 1 is i**, sphere 2 is j, d (3,) the unit vector from i to j
+    strain : (3, 3) E_inf
+    shift : by how much the distance the scalars are taken at exceeds the true one; the strain then moves the
+        spheres apart by as much more
+    matrix : (6N, 6N), ordered (omega | u), lower triangle
+    drive : (6N,) the torque and force that the strain exerts on spheres held still in it
+    """
+    n = matrix.shape[0] // 6
+    wi, wj, ui, uj = 3 * i, 3 * j, 3 * (n + i), 3 * (n + j)
+    _axial(matrix, ui, ui, s[0, 0], s[1, 0], d)
+    _axial(matrix, ui, uj, s[0, 1], s[1, 1], d)
+    _axial(matrix, uj, uj, s[0, 3], s[1, 3], d)
+    _axial(matrix, wi, wi, s[3, 0], s[4, 0], d)
+    _axial(matrix, wi, wj, s[3, 1], s[4, 1], d)
+    _axial(matrix, wj, wj, s[3, 3], s[4, 3], d)
+    # T_a = B^ab u_b with B = Y^B eps_ijk d_k; the rows of u hold its transpose.
+    _cross(matrix, ui, wi, -s[2, 0], d)
+    _cross(matrix, uj, wi, -s[2, 1], d)
+    _cross(matrix, ui, wj, -s[2, 2], d)
+    _cross(matrix, uj, wj, -s[2, 3], d)
+    e0 = strain[0, 0] * d[0] + strain[0, 1] * d[1] + strain[0, 2] * d[2]
+    e1 = strain[1, 0] * d[0] + strain[1, 1] * d[1] + strain[1, 2] * d[2]
+    e2 = strain[2, 0] * d[0] + strain[2, 1] * d[1] + strain[2, 2] * d[2]
+    along = d[0] * e0 + d[1] * e1 + d[2] * e2
+    if shift != 0.0:
+        half = 0.5 * shift
+        for sphere in range(2):
+            u, w = (ui, wi) if sphere == 0 else (uj, wj)
+            x = half * (s[0, 2 * sphere + 1] - s[0, 2 * sphere])
+            y = half * (s[1, 2 * sphere + 1] - s[1, 2 * sphere])
+            b = half * (s[2, 2 * sphere + 1] - s[2, 2 * sphere])
+            drive[u] += (x - y) * along * d[0] + y * e0
+            drive[u + 1] += (x - y) * along * d[1] + y * e1
+            drive[u + 2] += (x - y) * along * d[2] + y * e2
+            drive[w] += b * (e1 * d[2] - e2 * d[1])
+            drive[w + 1] += b * (e2 * d[0] - e0 * d[2])
+            drive[w + 2] += b * (e0 * d[1] - e1 * d[0])
+    # F_a = G^ba : E summed over b, T_a likewise with H.
+    for sphere in range(2):
+        u, w = (ui, wi) if sphere == 0 else (uj, wj)
+        x = s[5, 0] + s[5, 2] if sphere == 0 else s[5, 1] + s[5, 3]
+        y = s[6, 0] + s[6, 2] if sphere == 0 else s[6, 1] + s[6, 3]
+        h = s[7, 0] + s[7, 2] if sphere == 0 else s[7, 1] + s[7, 3]
+        radial = (x - 2.0 * y) * along
+        drive[u] += radial * d[0] + 2.0 * y * e0
+        drive[u + 1] += radial * d[1] + 2.0 * y * e1
+        drive[u + 2] += radial * d[2] + 2.0 * y * e2
+        drive[w] += 2.0 * h * (d[1] * e2 - d[2] * e1)
+        drive[w + 1] += 2.0 * h * (d[2] * e0 - d[0] * e2)
+        drive[w + 2] += 2.0 * h * (d[0] * e1 - d[1] * e0)
+
+
+@njit(cache=True)
+def add_pair_stresslet(s, i, j, d, rates, strain_five, stresslet):
+    """Add one pair's stresslets (exerted on the fluid): G u + H omega - M E.
+
+    rates : (6N,) (omega - omega_inf | u - u_inf);  strain_five (5,);  stresslet (N, 5)
+    """
+    n = stresslet.shape[0]
+    q = np.empty((5, 3))
+    basis_contract(d, q)
+    qd = np.empty(5)
+    for k in range(5):
+        qd[k] = q[k, 0] * d[0] + q[k, 1] * d[1] + q[k, 2] * d[2]
+    for a in range(2):
+        sphere = i if a == 0 else j
+        for b in range(2):
+            other = i if b == 0 else j
+            pair = 2 * a + b
+            u0, u1, u2 = rates[3 * (n + other)], rates[3 * (n + other) + 1], rates[3 * (n + other) + 2]
+            w0, w1, w2 = rates[3 * other], rates[3 * other + 1], rates[3 * other + 2]
+            ud = u0 * d[0] + u1 * d[1] + u2 * d[2]
+            c0, c1, c2 = w1 * d[2] - w2 * d[1], w2 * d[0] - w0 * d[2], w0 * d[1] - w1 * d[0]
+            for k in range(5):
+                qu = q[k, 0] * u0 + q[k, 1] * u1 + q[k, 2] * u2
+                qc = q[k, 0] * c0 + q[k, 1] * c1 + q[k, 2] * c2
+                value = s[5, pair] * qd[k] * ud + 2.0 * s[6, pair] * (qu - qd[k] * ud) + 2.0 * s[7, pair] * qc
+                for m in range(5):
+                    mixed = q[k, 0] * q[m, 0] + q[k, 1] * q[m, 1] + q[k, 2] * q[m, 2]
+                    both = qd[k] * qd[m]
+                    unit = 1.0 if k == m else 0.0
+                    value -= strain_five[m] * (
+                        1.5 * s[8, pair] * both
+                        + 2.0 * s[9, pair] * (mixed - both)
+                        + s[10, pair] * (unit + 0.5 * both - 2.0 * mixed)
+                    )
+                stresslet[sphere, k] += value
