@@ -15,20 +15,42 @@ from typing import TYPE_CHECKING
 from mcdem import compiled_cache
 
 if TYPE_CHECKING:
+    from mcdem.aggregate import Aggregate as Aggregate
+    from mcdem.encounter import EncounterResult as EncounterResult
+    from mcdem.encounter import Recorder as Recorder
+    from mcdem.encounter import simulate_encounter as simulate_encounter
     from mcdem.errors import UserError as UserError
     from mcdem.scene import Scene as Scene
     from mcdem.scene import load_scene as load_scene
+    from mcdem.free_spheres import Velocities as Velocities
+    from mcdem.free_spheres import velocities as velocities
 
 # Before the first kernel is decorated.
 compiled_cache.key_by_sources(Path(__file__).parent)
 
 _HOME = {
+    "Aggregate": "mcdem.aggregate",
+    "EncounterResult": "mcdem.encounter",
+    "Recorder": "mcdem.encounter",
     "Scene": "mcdem.scene",
-    "load_scene": "mcdem.scene",
     "UserError": "mcdem.errors",
+    "Velocities": "mcdem.free_spheres",
+    "load_scene": "mcdem.scene",
+    "simulate_encounter": "mcdem.encounter",
+    "velocities": "mcdem.free_spheres",
 }
 
-__all__ = ["Scene", "UserError", "load_scene"]
+__all__ = [
+    "Aggregate",
+    "EncounterResult",
+    "Recorder",
+    "Scene",
+    "UserError",
+    "Velocities",
+    "load_scene",
+    "simulate_encounter",
+    "velocities",
+]
 
 
 def __getattr__(name: str) -> object:

@@ -68,7 +68,9 @@ class Aggregate:
             raise UserError(f"positions: expected an array (P, 3) in metres, found shape {points.shape}")
         if not np.isfinite(points).all():
             row = int(np.argwhere(~np.isfinite(points))[0, 0])
-            raise UserError(f"positions: primary {row} is at {points[row]}, expected finite numbers in metres")
+            raise UserError(
+                f"positions: primary {row} is at {points[row]}, expected finite numbers in metres"
+            )
         radius = scene.suspension.radius
         gaps = np.linalg.norm(points[:, None] - points[None], axis=2) - 2.0 * radius
         np.fill_diagonal(gaps, np.inf)
@@ -86,7 +88,9 @@ class Aggregate:
             bonded[gaps <= reach] = True
         else:
             pairs = np.asarray(bonds, int).reshape(-1, 2)
-            if pairs.size and (pairs.min() < 0 or pairs.max() >= len(points) or (pairs[:, 0] == pairs[:, 1]).any()):
+            if pairs.size and (
+                pairs.min() < 0 or pairs.max() >= len(points) or (pairs[:, 0] == pairs[:, 1]).any()
+            ):
                 raise UserError(f"bonds: expected pairs of different numbers from 0 to {len(points) - 1}")
             bonded[pairs[:, 0], pairs[:, 1]] = bonded[pairs[:, 1], pairs[:, 0]] = True
         count, _ = connected_components(bonded)
@@ -116,7 +120,7 @@ def overlap_limit(scene: Scene) -> float:
     return max(0.01, 10.0 * jkr.kernel(scene).indentation) if jkr is not None else 0.01
 
 
-def split(positions: NDArray[np.float64], bonded: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+def split(bonded: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
     """Members of the connected components of the contact network, each sorted, in the order of their first member."""
     count, labels = connected_components(coo_array(bonded), directed=False)
     parts = [np.flatnonzero(labels == part) for part in range(count)]

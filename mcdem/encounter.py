@@ -123,7 +123,9 @@ def physics_of(scene: Scene) -> tuple[state.Flow, state.Physics]:
 def scheme_of(scene: Scene) -> tuple[ImplicitOptions | None, PaperOptions | None]:
     """The stepping scheme's options in reduced units; the scheme that is not chosen is None."""
     numerics, van_der_waals = scene.numerics, scene.effects.van_der_waals
-    roughness = van_der_waals.minimum_approach / scene.suspension.radius if van_der_waals is not None else 3e-4
+    roughness = (
+        van_der_waals.minimum_approach / scene.suspension.radius if van_der_waals is not None else 3e-4
+    )
     if numerics.scheme == "paper":
         return None, PaperOptions(
             base_step=numerics.paper_base_step * scene.flow.shear_rate,
@@ -184,7 +186,10 @@ def simulate_encounter(
     Raises `UserError` for aggregates that overlap grossly or fall apart, and for an offset that starts in contact.
     """
     rng = np.random.default_rng(seed)
-    pair = [a if isinstance(a, Aggregate) else Aggregate.from_positions(scene, a) for a in (aggregate_i, aggregate_j)]
+    pair = [
+        a if isinstance(a, Aggregate) else Aggregate.from_positions(scene, a)
+        for a in (aggregate_i, aggregate_j)
+    ]
     if orient:
         pair = [a.turned(rng) for a in pair]
     radius, units = scene.suspension.radius, scene.reduced
@@ -223,6 +228,7 @@ def simulate_encounter(
         return float(value[0]) * units.time
 
     reason, kept = _REASONS.get(code, ""), None
+    members: tuple[NDArray[np.intp], ...]
     contact = not math.isnan(log.first_contact[0])
     if not reason and cut and not contact:
         reason = "the approach is longer than numerics.longest_approach"
@@ -232,7 +238,7 @@ def simulate_encounter(
         centres = np.array([[0.0, 0.0, 0.0], [x0, y0, z0]])
         kept = motion.positions * units.length
     else:
-        members = tuple(split(motion.positions, motion.bonded))
+        members = tuple(split(motion.bonded))
         final = motion.positions * units.length
         products = tuple(Aggregate.from_contacts(final[m], motion.bonded[np.ix_(m, m)]) for m in members)
         centres = np.array([final[m].mean(axis=0) for m in members])
@@ -282,7 +288,7 @@ def _frames(record: Recorder, strain: float, n: int) -> state.Frames:
 
 
 def _keep(record: Recorder, frames: state.Frames, units, parent: NDArray[np.int64]) -> None:
-    count = int(frames.count[0])
+    count = int(frames.written[0])
     record.time = frames.time[:count] * units.time
     record.positions = frames.positions[:count] * units.length
     record.tension = frames.tension[:count] * units.force

@@ -100,7 +100,9 @@ def reference(positions, radii):
     out = np.zeros((11 * n, 11 * n))
 
     def rows(i):
-        return np.concatenate([5 * i + np.arange(5), 5 * n + 3 * i + np.arange(3), 8 * n + 3 * i + np.arange(3)])
+        return np.concatenate(
+            [5 * i + np.arange(5), 5 * n + 3 * i + np.arange(3), 8 * n + 3 * i + np.arange(3)]
+        )
 
     for i in range(n):
         for j in range(n):
@@ -125,7 +127,9 @@ def random_cluster(n, rng, spread):
     positions = [np.zeros(3)]
     while len(positions) < n:
         step = rng.normal(size=3)
-        trial = positions[rng.integers(len(positions))] + (2.0 + spread * rng.random()) * step / np.linalg.norm(step)
+        trial = positions[rng.integers(len(positions))] + (
+            2.0 + spread * rng.random()
+        ) * step / np.linalg.norm(step)
         if min(np.linalg.norm(trial - p) for p in positions) >= 2.0:
             positions.append(trial)
     return np.array(positions)

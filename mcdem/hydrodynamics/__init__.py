@@ -1,0 +1,7 @@
+"""How spheres feel each other through the fluid.
+
+far_field    grand mobility of N spheres, forces, torques and stresslets
+two_sphere   exact resistance of two spheres, its far field, and the table of their difference
+lubrication  the two-body part laid into the resistance of N spheres
+stokesian    the whole: resistance, drive of the straining flow, velocities
+"""

@@ -158,7 +158,5 @@ def grand_mobility(directions, distances, radii, matrix):
                     both = qd[k] * qd[m]
                     unit = 1.0 if k == m else 0.0
                     matrix[5 * i + k, 5 * j + m] = (
-                        1.5 * xm * both
-                        + 2.0 * ym * (mixed - both)
-                        + zm * (unit + 0.5 * both - 2.0 * mixed)
+                        1.5 * xm * both + 2.0 * ym * (mixed - both) + zm * (unit + 0.5 * both - 2.0 * mixed)
                     )

@@ -33,12 +33,12 @@ from mcdem.stepping.state import (
     NOT_CONVERGED,
     NOT_FINITE,
     NOT_POSITIVE_DEFINITE,
+    forget_older,
     harmonic_radius,
     note_contact_lost,
     note_contact_made,
     note_tension,
     remember,
-    forget_older,
 )
 
 
@@ -231,7 +231,6 @@ def solve_contacts(positions, radii, contacts, step, jkr, dmt, work):
     m = 3 * n
     matrix = work.hydrodynamics.resistance[m:, m:]
     jacobian, residual = work.jacobian, work.residual
-    previous = np.inf
     for iteration in range(40):
         for row in range(m):
             for column in range(row + 1):
@@ -287,7 +286,6 @@ def solve_contacts(positions, radii, contacts, step, jkr, dmt, work):
             return 0
         if iteration >= 2 and change < 1e-8:
             return 0
-        previous = change
     return NOT_CONVERGED
 
 

@@ -14,17 +14,15 @@ from mcdem.stepping.state import DONE, TOO_MANY_STEPS, new_history
 @njit(cache=True)
 def record_frame(motion, physics, log, frames):
     """Write the state to the next free frame, if its time has come."""
-    count = frames.count[0]
+    count = frames.written[0]
     if count >= frames.time.shape[0]:
         return
     if count > 0 and log.time[0] < frames.time[count - 1] + frames.interval:
         return
     frames.time[count] = log.time[0]
     frames.positions[count] = motion.positions
-    tensions(
-        motion.positions, motion.bonded, motion.radii, physics.jkr, physics.dmt, frames.tension[count]
-    )
-    frames.count[0] = count + 1
+    tensions(motion.positions, motion.bonded, motion.radii, physics.jkr, physics.dmt, frames.tension[count])
+    frames.written[0] = count + 1
 
 
 @njit(cache=True)

@@ -18,7 +18,14 @@ from mcdem.hydrodynamics import stokesian
 from mcdem.linear_algebra import cholesky, solve_cholesky
 from mcdem.stepping.contacts import add_pair_force, pull_off_gap
 from mcdem.stepping.implicit import approach_speed, drive_at_middle, find_gaps, make_contact
-from mcdem.stepping.state import DONE, NOT_FINITE, NOT_POSITIVE_DEFINITE, harmonic_radius, note_contact_lost, note_tension
+from mcdem.stepping.state import (
+    DONE,
+    NOT_FINITE,
+    NOT_POSITIVE_DEFINITE,
+    harmonic_radius,
+    note_contact_lost,
+    note_tension,
+)
 
 
 class PaperOptions(NamedTuple):

@@ -75,7 +75,7 @@ class Frames(NamedTuple):
     """Recorded states, one every `interval`."""
 
     interval: float
-    count: np.ndarray  # (1,) frames written
+    written: np.ndarray  # (1,) count of frames
     time: np.ndarray  # (F,)
     positions: np.ndarray  # (F, N, 3)
     tension: np.ndarray  # (F, N, N), nan where there is no contact
@@ -83,9 +83,16 @@ class Frames(NamedTuple):
 
 def new_log() -> Log:
     """An empty log."""
-    counts = [np.zeros(1, np.int64) for _ in range(2)]
-    never = [np.full(1, np.nan) for _ in range(3)]
-    return Log(np.zeros(1), *counts, *never, np.zeros(1), np.full(1, np.inf))
+    return Log(
+        time=np.zeros(1),
+        steps=np.zeros(1, np.int64),
+        solves=np.zeros(1, np.int64),
+        first_contact=np.full(1, np.nan),
+        last_bond_change=np.full(1, np.nan),
+        first_bond_loss=np.full(1, np.nan),
+        largest_tension=np.zeros(1),
+        smallest_gap=np.full(1, np.inf),
+    )
 
 
 @njit(cache=True)

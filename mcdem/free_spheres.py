@@ -49,7 +49,9 @@ def velocities(
         if array.shape != x.shape:
             raise UserError(f"{name}: expected the shape {x.shape} of positions, found {array.shape}")
         if not np.isfinite(array).all():
-            raise UserError(f"{name}: found a number that is not finite in row {int(np.argwhere(~np.isfinite(array))[0, 0])}")
+            raise UserError(
+                f"{name}: found a number that is not finite in row {int(np.argwhere(~np.isfinite(array))[0, 0])}"
+            )
     radius, units = scene.suspension.radius, scene.reduced
     if len(x) > 1:
         gaps = np.linalg.norm(x[:, None] - x[None], axis=2) - 2.0 * radius
