@@ -20,7 +20,7 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from mcdem.effects import Effects
 from mcdem.errors import SceneError
-from mcdem.table import Key, Table, explain, keys
+from mcdem.table import Key, Table, explain, keys, written
 from mcdem.units import (
     NonNegativeDimensionless,
     PositiveDimensionless,
@@ -219,8 +219,8 @@ class Scene(Table):
 
     @property
     def text(self) -> str:
-        """The TOML text that the scene was read from."""
-        return self._text
+        """The TOML text that the scene was read from; of a scene made otherwise, one that reads as it."""
+        return self._text or tomlkit.dumps(written(self))
 
     @property
     def path(self) -> Path | None:
@@ -235,7 +235,7 @@ class Scene(Table):
     @property
     def question(self) -> str:
         """The question that the scene asks: the comment in its first line."""
-        first = self._text.lstrip().partition("\n")[0]
+        first = self.text.lstrip().partition("\n")[0]
         return first.lstrip("# ").rstrip() if first.startswith("#") else ""
 
     @property
@@ -243,6 +243,13 @@ class Scene(Table):
         """The units of the compiled code."""
         radius, rate = self.suspension.radius, self.flow.shear_rate
         return ReducedUnits(radius, 1.0 / rate, 6.0 * math.pi * self.flow.viscosity * radius**2 * rate)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy, unchecked where updated, that forgets the text it was read from."""
+        copy = super().model_copy(update=update, deep=deep)
+        if update:
+            copy._text = ""
+        return copy
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Scene) and self.__dict__ == other.__dict__

@@ -64,6 +64,22 @@ def _default(field: FieldInfo) -> str:
     return _toml(f"{field.default:g} {unit}" if unit else field.default)
 
 
+def written(model: BaseModel) -> dict[str, Any]:
+    """The tables that would be read as `model`: SI values with their units, without what is absent or follows."""
+    tables: dict[str, Any] = {}
+    for name, field in type(model).model_fields.items():
+        value = getattr(model, name)
+        follows = field.default != field.default and name not in model.model_fields_set
+        if value is None or follows:
+            continue
+        unit = next((mark.si for mark in _quantities(field.annotation, field.metadata)), "")
+        if isinstance(value, BaseModel):
+            tables[name] = written(value)
+        else:
+            tables[name] = f"{value!r} {unit}" if unit else value
+    return tables
+
+
 def explain(error: ValidationError, model: type[BaseModel], source: str) -> str:
     """One line a problem: file, table, key, value, what was expected and what to do."""
     details = error.errors(include_url=False, include_context=True)

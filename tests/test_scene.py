@@ -86,6 +86,16 @@ def test_equal_when_the_content_is():
     assert Scene.from_text(TEXT.replace('"500 nm"', '"501 nm"')) != scene
 
 
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_a_scene_made_in_python_writes_its_own_text(path):
+    scene = mcdem.load_scene(path)
+    made = Scene.model_validate(tomllib.loads(scene.text))
+    assert Scene.from_text(made.text) == scene
+    wider = scene.model_copy(update={"suspension": scene.suspension.model_copy(update={"radius": 7e-7})})
+    assert Scene.from_text(wider.text) == wider
+    assert wider.with_changes({"suspension.radius": "500 nm"}) == scene
+
+
 def test_a_scene_does_not_change():
     scene = Scene.from_text(TEXT)
     for table, key, value in [
