@@ -1,32 +1,43 @@
-"""Forces of the paper's contacts: its numbers, its equations read backwards, and slopes against differences."""
+"""Forces between primaries against the paper's numbers, exact solutions and limits."""
 
 from __future__ import annotations
 
-from math import pi
-from types import SimpleNamespace
+from math import log, pi
 
 import numpy as np
 import pytest
+from effects_family import ELASTIC, TABLES, effects, scene
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from mcdem.effects import Effects, contact_force, jkr, non_contact_force, van_der_waals
+from mcdem.effects import (
+    Effects,
+    born,
+    contact_equilibrium,
+    contact_pull_off_gap,
+    dmt,
+    double_layer,
+    jkr,
+    steric,
+    van_der_waals,
+)
+from mcdem.errors import SceneError
+from mcdem.scene import Scene
 
 NM = 1e-9
-PAPER = SimpleNamespace(
-    suspension=SimpleNamespace(radius=500e-9), flow=SimpleNamespace(viscosity=0.1, shear_rate=1e4)
-)
-F0 = 6 * pi * 0.1 * 500e-9**2 * 1e4
-A = 500e-9
-EFFECTS = Effects.model_validate(
-    {
-        "van_der_waals": {"hamaker_constant": "0.97e-20 J", "minimum_approach": "0.165 nm"},
-        "jkr": {"surface_energy": "4.7 mJ/m^2", "elastic_modulus": "3.4 GPa", "poisson_ratio": 0.5},
-    }
-)
-VDW = EFFECTS.van_der_waals.kernel(PAPER)
-JKR = EFFECTS.jkr.kernel(PAPER)
+PAPER = scene("van_der_waals", "jkr")
+A = PAPER.reduced.length
+F0 = PAPER.reduced.force
+VDW = PAPER.effects.kernels(PAPER).van_der_waals
+JKR = PAPER.effects.kernels(PAPER).jkr
+
+
+def kernel(name, **changes):
+    return getattr(effects(name), name).model_copy(update=changes).kernel(scene(name))
+
+
+# The paper's contacts
 
 
 def test_numbers_of_the_papers_contacts():
@@ -34,7 +45,9 @@ def test_numbers_of_the_papers_contacts():
     gamma, modulus, nu = 4.7e-3, 3.4e9, 0.5
     assert JKR.pull_off_force * F0 == pytest.approx(1.5 * pi * gamma * A, rel=1e-14)
     assert JKR.pull_off_force * F0 == pytest.approx(1.107e-8, rel=5e-4)
-    assert np.sqrt(JKR.indentation) * A == pytest.approx(15.42 * NM, rel=3e-4)
+    b0 = (9 * pi * gamma * A**2 * (1 - nu**2) / (2 * modulus)) ** (1 / 3)
+    assert np.sqrt(JKR.indentation) * A == pytest.approx(b0, rel=1e-14)
+    assert b0 == pytest.approx(15.42 * NM, rel=3e-4)
     assert JKR.indentation * A == pytest.approx(0.4754 * NM, rel=2e-4)
     eq15 = (3 * pi**2 * gamma**2 * A * (1 - nu**2) ** 2 / (8 * modulus**2)) ** (1 / 3)
     assert JKR.pull_off_gap * A == pytest.approx(eq15, rel=1e-14)
@@ -45,6 +58,7 @@ def test_numbers_of_the_papers_contacts():
         -0.43, abs=5e-3
     )
     assert jkr.force(0.0, 1.0, JKR)[0] / JKR.pull_off_force == pytest.approx(-0.889, abs=5e-4)
+    assert PAPER.effects.jkr.tabor_number(A, 0.165 * NM) == pytest.approx(0.985, abs=5e-4)
 
 
 def eq13(force_over_adhesion):
@@ -62,10 +76,9 @@ def test_jkr_stiffness_in_newton_per_metre(load, stiffness):
 
 @given(st.floats(-1.0, 1e6))
 def test_jkr_inverts_eq13_to_round_off(load):
-    """The error in F is that of rounding h once, dF = (dF/dh) h eps, and a few units in the last place of F itself."""
+    """The error in F is that of rounding h once, (dF/dh) h eps, and a few units in the last place of F + F_adh."""
     h = eq13(load) * JKR.indentation
     force, slope = jkr.force(h, 1.0, JKR)
-    # Near pull-off h = h_po - O((F + F_adh)) has lost half the digits of c; there h itself is the measure.
     unit = np.finfo(float).eps * (abs(slope * h) + 4 * JKR.pull_off_force * (1 + abs(load)))
     assert abs(force - load * JKR.pull_off_force) < 16 * unit
 
@@ -88,20 +101,39 @@ def test_jkr_is_hertz_in_deep_compression():
     assert jkr.force(h, 1.0, JKR)[0] == pytest.approx(hertz, rel=3e-6)
 
 
-@pytest.mark.parametrize("radius", [0.2, 1.0, 1.7])
-def test_jkr_of_other_radii_is_the_scene_of_those_radii(radius):
-    scene = SimpleNamespace(suspension=SimpleNamespace(radius=radius * A), flow=PAPER.flow)
-    own = EFFECTS.jkr.kernel(scene)
-    for h in (-1e-2, -6e-4, 0.0, 1e-4, 1.0):
-        force, slope = jkr.force(h, radius, JKR)
-        own_force, own_slope = jkr.force(h / radius, 1.0, own)
-        assert force == pytest.approx(own_force * radius**2, rel=1e-12)
-        assert slope == pytest.approx(own_slope * radius, rel=1e-12)
+# DMT
+
+
+def test_dmt_is_hertz_less_adhesion():
+    kernel_ = kernel("dmt")
+    assert kernel_.pull_off_force / JKR.pull_off_force == pytest.approx(4 / 3, rel=1e-14)
+    for depth in (0.1 * NM, 1 * NM):
+        hertz = 4 / 3 * 3.4e9 / (2 * 0.75) * np.sqrt(A / 2) * depth**1.5 / F0
+        force = dmt.force(-depth / A, 1.0, kernel_)[0]
+        assert force + kernel_.pull_off_force == pytest.approx(hertz, rel=1e-13)
+
+
+@pytest.mark.parametrize("radius", [0.3, 1.0, 1.6])
+@pytest.mark.parametrize("law", ["jkr", "dmt"])
+def test_equilibrium_and_pull_off_of_a_contact(law, radius):
+    kernels = scene(law).effects.kernels(scene(law))
+    force = {"jkr": jkr, "dmt": dmt}[law].force
+    kernel_ = getattr(kernels, law)
+    gap, stiffness = contact_equilibrium(radius, kernels.jkr, kernels.dmt)
+    value, slope = force(gap, radius, kernel_)
+    assert abs(value) < 1e-13 * kernel_.pull_off_force
+    assert slope == pytest.approx(-stiffness, rel=1e-12)
+    pull_off = contact_pull_off_gap(radius, kernels.jkr, kernels.dmt)
+    assert force(pull_off, radius, kernel_) == (-kernel_.pull_off_force * radius, 0.0)
+    assert force(pull_off - 1e-6, radius, kernel_)[0] > -kernel_.pull_off_force * radius
+
+
+# Van der Waals
 
 
 def test_retardation_is_continuous_where_its_branches_meet():
-    """The crossing of the published branches; the paper's p0 = 0.5709 and f = 0.7474 to their digits."""
-    assert pytest.approx(0.5709, rel=2e-3) == van_der_waals.BRANCH_POINT
+    """The crossing of the published branches; the paper's p0 = 0.5709 and f = 0.7474 to within 0.15 %."""
+    assert pytest.approx(0.5709, rel=1.5e-3) == van_der_waals.BRANCH_POINT
     below, above = (
         van_der_waals.retardation(van_der_waals.BRANCH_POINT * (1 + e), 1.0)[0] for e in (-1e-15, 1e-15)
     )
@@ -115,74 +147,188 @@ def test_retardation_has_its_limits():
 
 
 def test_unretarded_attraction_falls_as_the_square():
-    effect = van_der_waals.VanDerWaals.model_validate(
-        {"hamaker_constant": "0.97e-20 J", "minimum_approach": "0.165 nm", "retarded": False}
-    )
-    kernel = effect.kernel(PAPER)
-    assert kernel.wavenumber is None
+    kernel_ = effects("unretarded").van_der_waals.kernel(PAPER)
+    assert kernel_.wavenumber is None
     for gap in (0.0, 1 * NM, 1e-7):
         expected = -0.97e-20 * A / (12 * (gap + 0.165 * NM) ** 2)
-        assert van_der_waals.force(gap / A, 1.0, kernel)[0] * F0 == pytest.approx(expected, rel=1e-13)
+        assert van_der_waals.force(gap / A, 1.0, kernel_)[0] * F0 == pytest.approx(expected, rel=1e-13)
 
 
-@pytest.mark.parametrize("radius", [0.5, 1.0, 1.6])
-@pytest.mark.parametrize(
-    "force, kernel, gaps",
-    [
-        (van_der_waals.force, VDW, [1e-5, 1e-3, 0.01, 0.0173, 0.03, 1.0]),
-        (van_der_waals.force, VDW._replace(wavenumber=None), [1e-5, 1e-3, 0.1]),
-        (jkr.force, JKR, [-0.1, -1e-3, -6e-4, 0.0, 1.5e-4]),
-    ],
-)
-def test_slope_is_the_derivative_of_the_force(force, kernel, gaps, radius):
-    for h in gaps:
-        step = 1e-5 * (abs(h) + 3e-4)
-        difference = (
-            8 * (force(h + step, radius, kernel)[0] - force(h - step, radius, kernel)[0])
-            - (force(h + 2 * step, radius, kernel)[0] - force(h - 2 * step, radius, kernel)[0])
-        ) / (12 * step)
-        assert force(h, radius, kernel)[1] == pytest.approx(difference, rel=1e-8)
+# Double layer
 
 
-def test_absent_is_strength_zero():
-    for h in (0.0, 1e-3, 1.0):
-        assert non_contact_force(h, 1.0, None, None, None) == (0.0, 0.0)
-        assert non_contact_force(h, 1.0, VDW._replace(strength=0.0), None, None) == (0.0, 0.0)
-        assert non_contact_force(h, 1.0, VDW, None, None) == van_der_waals.force(h, 1.0, VDW)
-        assert contact_force(h, 1.0, JKR, None) == jkr.force(h, 1.0, JKR)
-        assert contact_force(h, 1.0, None, None) == (0.0, 0.0)
+def legendre(u, order):
+    """P_n(u) and dP_n/du, n = 0 .. order."""
+    P, D = np.zeros((order + 1, u.size)), np.zeros((order + 1, u.size))
+    P[0], P[1], D[1] = 1, u, 1
+    for n in range(1, order):
+        P[n + 1] = ((2 * n + 1) * u * P[n] - n * P[n - 1]) / (n + 1)
+        D[n + 1] = D[n - 1] + (2 * n + 1) * P[n]
+    return P, D
+
+
+def spherical_bessel(x, order):
+    """Log of the modified spherical Bessel function k_n(x), and k_n'/k_n, n = 0 .. order."""
+    logs, ratio = np.zeros((order + 2, x.size)), 1 + 1 / x
+    logs[0] = -x - np.log(x)
+    logs[1] = logs[0] + np.log(ratio)
+    for n in range(1, order + 1):
+        ratio = 1 / ratio + (2 * n + 1) / x
+        logs[n + 1] = logs[n] + np.log(ratio)
+    n = np.arange(order + 1)[:, None]
+    return logs[:-1], n / x - np.exp(logs[1:] - logs[:-1])
+
+
+def linear_poisson_boltzmann(kappa, h, constant_charge, order=140):
+    """Force between two spheres of radius 1, eps = psi = 1: multipoles about both centres, matched on the surface, and the
+    pressure of ions and field (eps kappa^2 psi^2 + eps E^2)/2 on the plane midway, where the field lies in the plane."""
+    R = 2 + h
+    c, weight = np.polynomial.legendre.leggauss(3 * order)
+    r, u = np.sqrt(R * R + 1 - 2 * R * c), (R - c) / np.sqrt(R * R + 1 - 2 * R * c)
+    (log_0, slope_0), (log_r, slope_r) = (
+        spherical_bessel(np.array([kappa]), order),
+        spherical_bessel(kappa * r, order),
+    )
+    (P_c, _), (P_u, D_u) = legendre(c, order), legendre(u, order)
+    other = np.exp(log_r - log_0)
+    if constant_charge:
+        dr = (1 - R * c) / r
+        du = -c / r - (R - c) / r**2 * dr
+        rows = -(kappa * slope_0 * P_c + other * (kappa * slope_r * dr * P_u + D_u * du))
+        surface = np.full_like(c, 1 + kappa)  # the charge of an isolated sphere of potential 1
+    else:
+        rows, surface = P_c + other * P_u, np.ones_like(c)
+    root = np.sqrt(weight)
+    multipoles = np.linalg.lstsq((rows * root).T, surface * root, rcond=1e-15)[0]
+    assert np.abs(multipoles @ rows - surface).max() < 1e-6 * kappa
+    x, weight = np.polynomial.legendre.leggauss(200)
+    edge = np.sqrt((R / 2 + 25 / kappa) ** 2 - R * R / 4)
+    rho, weight = edge * (x + 1) / 2, weight * edge / 2
+    r, u = np.hypot(rho, R / 2), R / 2 / np.hypot(rho, R / 2)
+    (log_r, slope_r), (P_u, D_u) = spherical_bessel(kappa * r, order), legendre(u, order)
+    decay = np.exp(log_r - log_0)
+    psi = 2 * multipoles @ (decay * P_u)
+    field = 2 * multipoles @ (decay * (kappa * slope_r * rho / r * P_u - D_u * R / 2 * rho / r**3))
+    return 2 * pi * np.sum(weight * rho * (kappa**2 * psi**2 + field**2) / 2)
+
+
+@pytest.mark.parametrize("kappa_h", [1.0, 3.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_double_layer_is_the_exact_solution_for_thin_layers(sign, kappa_h):
+    """The error against exact linear Poisson-Boltzmann spheres falls as 1/(kappa a): Derjaguin's approximation is first order."""
+    error = []
+    for kappa in (10.0, 20.0, 40.0):
+        kernel_ = double_layer.DoubleLayerKernel(2 * pi, kappa, sign, 0.0)
+        exact = linear_poisson_boltzmann(kappa, kappa_h / kappa, sign < 0)
+        error.append(double_layer.force(kappa_h / kappa, 1.0, kernel_)[0] / exact - 1)
+    assert max(np.abs(error)) < 0.13
+    # Ratio 2 but for the next order, itself of relative size 1/(kappa a).
+    assert 1.7 < error[0] / error[1] < 2.4 and 1.8 < error[1] / error[2] < 2.3
+
+
+def test_double_layer_energy_is_that_of_hogg_healy_fuerstenau():
+    """V = 2 pi eps psi^2 a ln(1 + x), or -2 pi eps psi^2 a ln(1 - x): its derivative over a step is the force at the middle."""
+    for sign in (1.0, -1.0):
+        kernel_ = double_layer.DoubleLayerKernel(1.0, 50.0, sign, 0.0)
+        energy = [sign * log(1 + sign * np.exp(-50 * h)) for h in (0.01 - 1e-6, 0.01 + 1e-6)]
+        force = double_layer.force(0.01, 1.0, kernel_)[0]
+        assert force == pytest.approx((energy[0] - energy[1]) / 2e-6, rel=1e-8)
+
+
+def test_double_layer_of_the_sample_in_si():
+    """2 pi eps psi^2 kappa a/2 at constant potential and contact."""
+    value = double_layer.force(0.0, 1.0, kernel("double_layer"))[0] * F0
+    assert value == pytest.approx(2 * pi * 78.5 * 8.8541878128e-12 * 0.025**2 * 50 / 2, rel=1e-12)
+
+
+def test_double_layer_refuses_what_it_does_not_hold_for():
+    with pytest.raises(SceneError, match=r"kappa a = 8\.33"):
+        kernel("double_layer", debye_length=60 * NM)
+    table = TABLES["double_layer"]
+    for change, words in [
+        ({"surface_potential": "80 mV"}, "60 mV"),
+        ({"condition": "constant_charge"}, "minimum_approach"),
+        ({"minimum_approach": "0.2 nm"}, "remove it"),
+    ]:
+        with pytest.raises(ValidationError, match=words):
+            Effects.model_validate({"double_layer": table | change})
+
+
+# Short range
+
+
+def test_born_is_the_integral_over_two_half_spaces():
+    """F = pi a_eff W, W = integral of 4 eps sigma^12/r^12 over two half-spaces of density rho, A_H = 4 pi^2 eps rho^2 sigma^6."""
+    sigma, gap, hamaker = 0.5 * NM, 0.3 * NM, 0.97e-20
+    # An atom at distance z from a half-space: 2 pi int_z^inf int_0^inf r (r^2 + y^2)^-6 dr dy = pi/(5*9 z^9).
+    x, weight = np.polynomial.legendre.leggauss(60)
+    z = gap / ((x + 1) / 2)  # z from gap to infinity
+    work = np.sum(weight / 2 * gap / ((x + 1) / 2) ** 2 * pi / (45 * z**9))
+    work *= hamaker * sigma**6 / pi**2
+    value = born.force(gap / A, 1.0, kernel("born"))[0] * F0
+    assert value == pytest.approx(pi * A * work, rel=1e-11)
+
+
+def test_born_balances_the_attraction_of_touching_atoms():
+    attraction = VDW._replace(wavenumber=None, minimum_approach=0.0)
+    h = 0.5 * NM / A * 30 ** (-1 / 6)
+    assert born.force(h, 1.0, kernel("born"))[0] == pytest.approx(
+        -van_der_waals.force(h, 1.0, attraction)[0], rel=1e-13
+    )
+
+
+def test_steric_is_derjaguins_integral_of_the_brush_pressure():
+    kernel_ = kernel("steric")
+    for d in (0.05, 0.3, 0.9):
+        pressure = 1.380649e-23 * 298 / (3 * NM) ** 3 * (d**-2.25 - d**0.75)
+        assert -steric.force(d * kernel_.range, 1.0, kernel_)[1] * F0 / A == pytest.approx(
+            pi * A * pressure, rel=1e-12
+        )
+    value, slope = steric.force(kernel_.range * (1 - 1e-9), 1.0, kernel_)
+    assert 0 <= value < 1e-12 * kernel_.pressure and abs(slope) < 1e-7 * kernel_.pressure
+
+
+# Scene tables
 
 
 @pytest.mark.parametrize(
     "table, words",
     [
         ({"van_der_waals": {"hamaker_constant": "1e-20 J"}}, "minimum_approach"),
-        ({"gravity": {}}, "gravity"),
         (
-            {"jkr": {"surface_energy": "1 mJ/m^2", "elastic_modulus": "1 GPa", "poisson_ratio": 0.6}},
-            "poisson_ratio",
+            {"van_der_waals": TABLES["van_der_waals"] | {"retarded": False, "london_wavelength": "90 nm"}},
+            "london_wave",
         ),
-        (
-            {"jkr": {"surface_energy": "1 mJ/m^2", "elastic_modulus": "1 GPa", "poisson_ratio": 0.5, "b": 1}},
-            "b",
-        ),
-        (
-            {
-                "van_der_waals": {
-                    "hamaker_constant": "1e-20 J",
-                    "minimum_approach": "1 nm",
-                    "retarded": False,
-                    "london_wavelength": "90 nm",
-                }
-            },
-            "london_wavelength",
-        ),
+        ({"jkr": ELASTIC | {"poisson_ratio": 0.6}}, "poisson_ratio"),
+        ({"jkr": ELASTIC | {"b": 1}}, "b"),
+        ({"jkr": ELASTIC, "dmt": ELASTIC}, "keep one"),
+        ({"jkr": ELASTIC, "steric": TABLES["steric"]}, "steric keeps spheres from the contact"),
+        ({"born": TABLES["born"]}, "van_der_waals"),
+        ({"rods": TABLES["rods"]}, "add a contact law"),
+        ({"dmt": ELASTIC, "rolling": TABLES["rolling"]}, "JKR"),
+        ({"jkr": ELASTIC, "rods": TABLES["rods"], "sliding": TABLES["sliding"]}, "already"),
     ],
 )
-def test_an_effect_takes_all_its_parameters_and_no_others(table, words):
+def test_what_does_not_go_together_is_refused(table, words):
     with pytest.raises(ValidationError, match=words):
         Effects.model_validate(table)
 
 
+def test_a_refusal_of_the_scene_file_names_table_and_cure():
+    text = """
+[suspension]
+radius = "500 nm"
+volume_fraction = 1e-4
+[flow]
+shear_rate = "1e4 1/s"
+viscosity = "100 cP"
+[effects.born]
+collision_diameter = "0.5 nm"
+"""
+    with pytest.raises(SceneError, match=r"scene.toml: \[effects\] born .* add \[effects.van_der_waals\]"):
+        Scene.from_text(text, "scene.toml")
+
+
 def test_the_london_wavelength_has_its_documented_default():
-    assert EFFECTS.van_der_waals.london_wavelength == pytest.approx(100e-9)
+    assert effects("van_der_waals").van_der_waals.london_wavelength == pytest.approx(100 * NM)
+    assert effects("unretarded").van_der_waals.london_wavelength is None

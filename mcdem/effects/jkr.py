@@ -10,39 +10,39 @@ at the pull-off gap h_po = L 2^(-1/3)/3 with F = -F_adh and dF/dh = 0.  F > 0 is
 spheres enter through a_eff = 2 a1 a2/(a1 + a2) alone: F_adh ~ a_eff and L ~ a_eff^(1/3).
 
 Exact tests: Eq. 13 read backwards; the numbers of the paper's spheres (F_adh = 11.07 nN, h_eq = -0.317 nm, h_po = 0.126 nm,
-41.9 N/m without load); Hertz' law without adhesion in deep compression.
+41.9 N/m without load); Hertz' law in deep compression.
 """
 
 from __future__ import annotations
 
 from math import pi, sqrt
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from numba import njit
-from pydantic import Field
 
-from mcdem.effects.effect import Effect, force_unit
-from mcdem.units import Dimensionless, PositivePressure, PositiveSurfaceEnergy
+from mcdem.effects.elastic_contact import ElasticContact
+
+if TYPE_CHECKING:
+    from mcdem.scene import Scene
 
 
-class JKR(Effect):
+class JKR(ElasticContact):
     """Adhesive elastic contacts that bear tension up to the pull-off force."""
 
-    surface_energy: PositiveSurfaceEnergy
-    """gamma [J/m^2] of the solid against the medium; the work of adhesion is 2 gamma."""
-    elastic_modulus: PositivePressure
-    """E [Pa] of the primary particles."""
-    poisson_ratio: Annotated[Dimensionless, Field(gt=-1.0, le=0.5)]
-    """nu of the primary particles."""
+    def pull_off_force(self, radius: float) -> float:
+        """F_adh [N] of two spheres of `radius` [m] (Eq. 14)."""
+        return 1.5 * pi * self.surface_energy * radius
 
-    def kernel(self, scene: Any) -> JKRKernel:
-        """The parameters in reduced units (length a, force 6 pi mu a^2 g), for two primaries of radius a."""
-        a = scene.suspension.radius
-        compliance = (1.0 - self.poisson_ratio**2) / self.elastic_modulus
-        contact_radius = (4.5 * pi * self.surface_energy * a**2 * compliance) ** (1.0 / 3.0)
+    def contact_radius(self, radius: float) -> float:
+        """b0 [m], without load, of two spheres of `radius` [m]."""
+        return float((2.25 * pi * self.surface_energy * radius**2 / self.reduced_modulus) ** (1.0 / 3.0))
+
+    def kernel(self, scene: Scene) -> JKRKernel:
+        """The parameters in reduced units, for two primaries of radius a."""
+        unit = scene.reduced
         return from_scales(
-            pull_off_force=1.5 * pi * self.surface_energy * a / force_unit(scene),
-            indentation=(contact_radius / a) ** 2,
+            pull_off_force=self.pull_off_force(unit.length) / unit.force,
+            indentation=(self.contact_radius(unit.length) / unit.length) ** 2,
         )
 
 

@@ -2,7 +2,7 @@
 
 Source: Hamaker (1937) in the limit of gaps small against the radius; retardation of Schenkel & Kitchener (1960) in the form
 for the force, as Eqs. 11-12 of Frungieri & Vanni (2021).  Eq. 12 is misprinted there (its branches do not meet and its first
-exceeds 1); with the denominator (1 + 1.77 p)^2 they cross at the stated p0 = 0.5709, where f = 0.7474.
+exceeds 1); with the denominator (1 + 1.77 p)^2 they cross within 0.1 % of the stated p0 = 0.5709, where f = 0.7474.
 
     F(h) = -A_H a_eff / (12 (h + l0)^2) f(p),     p = 2 pi (h + l0)/lambda,     a_eff = 2 a1 a2/(a1 + a2)
 
@@ -13,51 +13,54 @@ retardation F (h + l0)^2 is constant; F falls as h^-3 far away.
 from __future__ import annotations
 
 from math import pi
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from numba import njit
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
-from mcdem.effects.effect import Effect, force_unit
+from mcdem.table import Table
 from mcdem.units import PositiveEnergy, PositiveLength
 
-# Where the two branches of the retardation function cross.  The published 0.5709 leaves a step of 2e-4 in the force; here it is
-# none beyond round-off (the slope has its kink either way).
+if TYPE_CHECKING:
+    from mcdem.scene import Scene
+
+# Where the two branches of the retardation function cross.  The published 0.5709 leaves a step of 2e-4 in the force;
+# here it is none beyond round-off (the slope has its kink either way).
 BRANCH_POINT = 0.5717075264733067
 
 
-class VanDerWaals(Effect):
+class VanDerWaals(Table):
     """Van der Waals attraction, retarded unless the scene says otherwise."""
 
     hamaker_constant: PositiveEnergy
-    """A_H [J] of solid against solid through the medium."""
+    """Hamaker constant A_H of solid against solid through the medium."""
     minimum_approach: PositiveLength
-    """l0 [m], the molecular roughness that keeps the attraction finite at contact."""
+    """Molecular roughness l0 that keeps the attraction finite at contact."""
     retarded: bool = True
     """Whether the attraction weakens over distances comparable to the London wavelength."""
-    london_wavelength: PositiveLength | None = None
-    """lambda [m]; 100 nm is an assumption (the paper gives no value) of little weight: its efficiency of monomers varies by < 0.3 %."""
+    london_wavelength: PositiveLength | None = Field(100e-9, json_schema_extra={"default": "100 nm"})
+    """London wavelength lambda of the retardation.  The default is an assumption (the paper gives no value) of little weight."""
 
     @model_validator(mode="before")
     @classmethod
     def _wavelength_only_where_retarded(cls, table: Any) -> Any:
-        if not isinstance(table, dict):
+        if not isinstance(table, dict) or table.get("retarded", True) is not False:
             return table
-        if table.get("retarded", True) is not False:
-            return {"london_wavelength": "100 nm"} | table
         if table.get("london_wavelength") is not None:
             raise ValueError(
-                "london_wavelength belongs to the retarded attraction: remove it, or remove retarded = false"
+                "london_wavelength belongs to the retarded attraction: remove it, or retarded = false"
             )
-        return table
+        return table | {"london_wavelength": None}
 
-    def kernel(self, scene: Any) -> VanDerWaalsKernel:
-        """The parameters in reduced units (length a, force 6 pi mu a^2 g)."""
-        radius = scene.suspension.radius
+    def kernel(self, scene: Scene) -> VanDerWaalsKernel:
+        """The parameters in reduced units."""
+        unit = scene.reduced
         return VanDerWaalsKernel(
-            strength=self.hamaker_constant / (12.0 * radius * force_unit(scene)),
-            minimum_approach=self.minimum_approach / radius,
-            wavenumber=None if self.london_wavelength is None else 2.0 * pi * radius / self.london_wavelength,
+            strength=self.hamaker_constant / (12.0 * unit.energy),
+            minimum_approach=self.minimum_approach / unit.length,
+            wavenumber=None
+            if self.london_wavelength is None
+            else 2.0 * pi * unit.length / self.london_wavelength,
         )
 
 

@@ -1,0 +1,64 @@
+"""Born repulsion: the short-range wall of two spheres in a scene without a contact law.
+
+Source: Feke, Prabhu, Mann & Mann (1984), J. Phys. Chem. 88, 5735, in the limit of gaps small against the radius: the r^-12 part
+of the Lennard-Jones potential of all pairs of atoms, whose r^-6 part is the van der Waals attraction of the same scene,
+
+    F = A_H sigma^6 a_eff / (360 h^8),     sigma the diameter at which two atoms have zero energy.
+
+Exact tests: the integral of r^-12 over two half-spaces, carried to spheres by Derjaguin's approximation; with the unretarded
+attraction for l0 = 0 the force vanishes at h = sigma 30^(-1/6).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from numba import njit
+
+from mcdem.table import Table
+from mcdem.units import PositiveLength
+
+if TYPE_CHECKING:
+    from mcdem.scene import Scene
+
+
+class Born(Table):
+    """Born repulsion, with the Hamaker constant of the van der Waals attraction."""
+
+    collision_diameter: PositiveLength
+    """Lennard-Jones diameter sigma of the atoms, about 0.5 nm."""
+
+    def kernel(self, scene: Scene) -> BornKernel:
+        """The parameters in reduced units."""
+        unit = scene.reduced
+        assert scene.effects.van_der_waals is not None  # `Effects` refuses it without
+        return BornKernel(
+            strength=scene.effects.van_der_waals.hamaker_constant / (360.0 * unit.energy),
+            diameter=self.collision_diameter / unit.length,
+        )
+
+
+class BornKernel(NamedTuple):
+    """Parameters of `force`; the formulas hold in any consistent units."""
+
+    strength: float
+    """A_H/360 [energy]"""
+    diameter: float
+    """sigma [length]"""
+
+
+@njit(cache=True)
+def force(h, radius, p):
+    """Force (F, dF/dh) at gap `h` between spheres of harmonic mean radius `radius`; F > 0 repels.
+
+    Below a tenth of the atoms' diameter, where it is 1e8/30 of the attraction at one diameter, it goes on along its tangent, so
+    that an overlap too is pushed apart by a finite force.
+    """
+    floor = 0.1 * p.diameter
+    inverse = p.diameter / max(h, floor)
+    fourth = (inverse * inverse) * (inverse * inverse)
+    value = p.strength * radius / (p.diameter * p.diameter) * (fourth * fourth)
+    slope = -8.0 * value * inverse / p.diameter
+    if h < floor:
+        return value + slope * (h - floor), slope
+    return value, slope

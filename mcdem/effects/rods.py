@@ -1,0 +1,74 @@
+"""Bonds that bear bending moments: rods and springs between the two spheres of a contact.
+
+Source: Becker & Briesen (2008), Phys. Rev. E 78, 061404, a model for the bending moments that Pantina & Furst (2005) measured
+between bonded latex spheres; used by Vanni & Frungieri (2017).  Each sphere carries a rod that points to the centre of its
+partner when the contact is made; a spring of rest length zero pulls the tip of the rod across the line of centres back to that
+centre, with a stiffness k_t and a largest displacement xi_max at which the rod slips.  For small displacements,
+
+    E = k_t (xi_1^2 + xi_2^2)/2,     xi_i = r (turn of sphere i, seen from the line of centres),     xi_i <= xi_max.
+
+For two equal spheres that is a sliding spring 2 k_t and a rolling spring 2 k_t a^2 with limits of their own (C: the model gives
+no law for other radii; k_t and xi_max are taken as they are).  It does not resist twisting.
+History [0:3], [3:6]: r times the turn of the rod of sphere 1 and of sphere 2 against the line of centres, of length xi_i.
+
+Exact tests: the deflection (F/k_t) n (2 n^2 + 1)/3 of a clamped chain of n bonds, for many bonds an elastic beam with
+E I = k_t (2a)^3/2; a twin that keeps the rods as vectors fixed in the spheres.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from mcdem.effects.tangential import ROLLS, STUCK, add_stiffness, cut_back, direction
+from mcdem.table import Table
+from mcdem.units import PositiveLength, PositiveStiffness
+
+if TYPE_CHECKING:
+    from mcdem.scene import Scene
+
+
+class Rods(Table):
+    """Bonds that resist sliding and rolling alike (Becker & Briesen 2008); instead of sliding and rolling."""
+
+    stiffness: PositiveStiffness
+    """Stiffness k_t of the spring at the tip of each rod."""
+    largest_displacement: PositiveLength
+    """Displacement xi_max of the tip at which the rod slips; the bond bears a moment of at most 2 a k_t xi_max at each end."""
+
+    def kernel(self, scene: Scene) -> RodsKernel:
+        """The parameters in reduced units."""
+        unit = scene.reduced
+        return RodsKernel(
+            stiffness=self.stiffness / unit.stiffness,
+            largest_displacement=self.largest_displacement / unit.length,
+        )
+
+
+class RodsKernel(NamedTuple):
+    """Parameters of `resist`."""
+
+    stiffness: float
+    """k_t [force/length]"""
+    largest_displacement: float
+    """xi_max [length]"""
+
+
+@njit(cache=True)
+def resist(carried, q, normal, distance, p, spring, loads, tangent):
+    """Add the loads and the stiffness of both rods; returns ROLLS if one of them slips, else STUCK."""
+    limit = np.empty(3)
+    code = STUCK
+    for first in (0, 3):
+        for k in range(first, first + 3):
+            spring[k] = carried[k] + distance * q[k]
+        share = cut_back(spring, first, p.largest_displacement)
+        for k in range(first, first + 3):
+            loads[k] -= p.stiffness * distance * spring[k]
+        direction(spring, first, share, limit)
+        add_stiffness(tangent, first, first, p.stiffness * distance * distance * share, normal, limit)
+        if share < 1.0:
+            code = ROLLS
+    return code

@@ -1,0 +1,67 @@
+"""Resistance of a contact to rolling: the lag of an adhesive contact behind the spheres that roll over it.
+
+Source: Dominik & Tielens (1995), Phil. Mag. A 72, 783, for JKR contacts, as in Marshall & Li, Adhesive Particle Flow (2014),
+chapter 4: a torque 4 F_adh (b/b0)^(3/2) xi resists the rolling displacement xi = R* (turn of 2 - turn of 1), R* = a_eff/2, up
+to a critical displacement at which the contact moves on.  The radius b of the contact is that without load, b0 (C).
+History [3:6]: rolling angle, the turn of sphere 2 less that of sphere 1 across the line of centres.
+
+Exact tests: the work of any motion within the limit is its elastic energy; the torque stays at 4 F_adh xi_crit beyond it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from mcdem.effects.tangential import ROLLS, STUCK, add_stiffness, cut_back, direction
+from mcdem.table import Table
+from mcdem.units import PositiveLength
+
+if TYPE_CHECKING:
+    from mcdem.scene import Scene
+
+
+class Rolling(Table):
+    """Rolling resistance of JKR contacts."""
+
+    critical_displacement: PositiveLength
+    """Rolling displacement xi_crit at which the contact moves on, between an atom's size and the radius of the contact."""
+
+    def kernel(self, scene: Scene) -> RollingKernel:
+        """The parameters in reduced units."""
+        unit, contact = scene.reduced, scene.effects.contact
+        assert contact is not None  # `Effects` refuses a resistance without a contact
+        return RollingKernel(
+            stiffness=2.0 * contact.pull_off_force(unit.length) / unit.force,
+            largest_angle=2.0 * self.critical_displacement / unit.length,
+        )
+
+
+class RollingKernel(NamedTuple):
+    """Parameters of `resist`, for a_eff = 1."""
+
+    stiffness: float
+    """4 F_adh R* [torque] ~ a_eff^2"""
+    largest_angle: float
+    """xi_crit/R* ~ 1/a_eff"""
+
+
+@njit(cache=True)
+def resist(carried, q, normal, radius, p, spring, loads, tangent):
+    """Add the loads and the stiffness of rolling; returns ROLLS or STUCK."""
+    stiffness = p.stiffness * radius * radius
+    for k in range(3):
+        spring[3 + k] = carried[3 + k] + q[3 + k] - q[k]
+    share = cut_back(spring, 3, p.largest_angle / radius)
+    for k in range(3):
+        loads[k] += stiffness * spring[3 + k]
+        loads[3 + k] -= stiffness * spring[3 + k]
+    limit = np.empty(3)
+    direction(spring, 3, share, limit)
+    add_stiffness(tangent, 0, 0, stiffness * share, normal, limit)
+    add_stiffness(tangent, 0, 3, -stiffness * share, normal, limit)
+    add_stiffness(tangent, 3, 0, -stiffness * share, normal, limit)
+    add_stiffness(tangent, 3, 3, stiffness * share, normal, limit)
+    return ROLLS if share < 1.0 else STUCK

@@ -1,0 +1,211 @@
+"""Laws that hold for every effect.  An effect without a sample in effects_family.py fails the first of them."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+import numpy as np
+import pint
+import pytest
+from effects_family import TABLES, VARIANTS, effects, scene
+from numba.core.dispatcher import Dispatcher
+from pydantic import ValidationError
+
+from mcdem.effects import Effects, Kernels, contact_force, non_contact_force
+from mcdem.effects.short_range import ShortRangeKernel
+
+NON_CONTACT = ["van_der_waals", "double_layer", "born", "steric", *VARIANTS]
+CONTACT = ["jkr", "dmt"]
+RESISTANCE = ["sliding", "rolling", "twisting", "rods"]
+FORCES = NON_CONTACT + CONTACT
+
+# Gaps over the radius, across every branch of every force; slopes have kinks at some, not here.
+GAPS = [-3e-3, -4e-4, -1e-4, 3e-5, 2e-4, 1e-3, 7e-3, 0.02, 0.039, 0.3]
+# The unit of each parameter of a kernel, in order; the first one is the strength, to which the force is proportional.
+UNITS = {
+    "van_der_waals": ("J", "m", "1/m"),
+    "unretarded": ("J", "m", None),
+    "double_layer": ("N", "1/m", "", "m"),
+    "constant_charge": ("N", "1/m", "", "m"),
+    "born": ("J", "m"),
+    "steric": ("Pa", "m"),
+    # Parameters of contacts are for a unit of a_eff and grow with a power of it.
+    "jkr": ("N/m", "m^(2/3)", "m^(2/3)", "m^(2/3)", "N/m^(5/3)"),
+    "dmt": ("N/m", "Pa", "m", "m^(2/3)", "N/m^(5/3)"),
+}
+
+
+def module(name):
+    return import_module(f"mcdem.effects.{VARIANTS[name][0] if name in VARIANTS else name}")
+
+
+def kernel(name, radius=500e-9):
+    whole = scene(name, radius=radius)
+    return getattr(whole.effects, VARIANTS[name][0] if name in VARIANTS else name).kernel(whole)
+
+
+def gaps(name):
+    """Gaps at which the law of `name` is smooth; an overlap without contact is not."""
+    return [h for h in GAPS if name in CONTACT or h > 0]
+
+
+def test_every_effect_is_in_one_family():
+    assert set(Effects.model_fields) == {*NON_CONTACT, *CONTACT, *RESISTANCE} - set(VARIANTS)
+    assert set(TABLES) == set(Effects.model_fields)
+
+
+@pytest.mark.parametrize("radius", [0.4, 1.0, 1.7])
+@pytest.mark.parametrize("name", FORCES)
+def test_slope_is_the_derivative_of_the_force(name, radius):
+    force, kernel_ = module(name).force, kernel(name)
+    for h in gaps(name):
+        step = 1e-4 * abs(h)
+        F = {k: force(h + k * step, radius, kernel_)[0] for k in (-2, -1, 1, 2)}
+        difference = (8 * (F[1] - F[-1]) - (F[2] - F[-2])) / (12 * step)
+        value, slope = force(h, radius, kernel_)
+        # Differences lose digits to rounding of F: eps F/step.
+        assert slope == pytest.approx(difference, rel=1e-8, abs=1e-15 * abs(value) / step)
+
+
+@pytest.mark.parametrize("name", NON_CONTACT)
+def test_a_force_without_contact_vanishes_far_away(name):
+    """Faster than 1/h, so that its work from infinity is finite; and on the way its sign and that of its slope never change."""
+    force, kernel_ = module(name).force, kernel(name)
+    far = [h * force(h, 1.0, kernel_)[0] for h in (1e-3, 1.0, 1e3)]
+    assert abs(far[1]) < 3e-2 * abs(far[0]) and abs(far[2]) <= 2e-3 * abs(far[1])
+    values = np.array([force(h, 1.0, kernel_) for h in np.geomspace(1e-6, 1e2, 400)])
+    assert np.all(values[:, 0] * values[0, 0] >= 0) and np.all(values[:, 1] * values[0, 0] <= 0)
+
+
+@pytest.mark.parametrize("name", FORCES)
+def test_a_force_is_continuous_and_finite(name):
+    """Through touching and deep overlap: no step larger than its slope accounts for."""
+    force, kernel_ = module(name).force, kernel(name)
+    for h in (-0.5, 0.0, -1e-9, 1e-9, *GAPS):
+        value, slope = force(h, 1.0, kernel_)
+        beyond = force(h + 1e-12, 1.0, kernel_)[0]
+        assert np.isfinite(value) and np.isfinite(slope)
+        assert abs(beyond - value) <= 1e-12 * (2 * abs(slope) + 100 * abs(value) / 1e-3)
+
+
+@pytest.mark.parametrize("radius", [0.4, 1.7])
+@pytest.mark.parametrize("name", FORCES)
+def test_two_spheres_of_one_radius_are_the_scene_of_that_radius(name, radius):
+    """The harmonic mean enters as the radius of two equal spheres does: lengths scale by it, forces by its square."""
+    force, kernel_, own = module(name).force, kernel(name), kernel(name, radius=radius * 500e-9)
+    for h in gaps(name):
+        value, slope = force(h, radius, kernel_)
+        own_value, own_slope = force(h / radius, 1.0, own)
+        assert value == pytest.approx(own_value * radius**2, rel=1e-12)
+        assert slope == pytest.approx(own_slope * radius, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", FORCES)
+def test_dimensions_are_proven(name, monkeypatch):
+    """The formula itself, uncompiled, evaluated with quantities in SI: a force and a force over a length, and their values."""
+    ureg = pint.UnitRegistry()
+    home = module(name)
+    reduced, unit, compiled = kernel(name), scene(name).reduced, home.force
+    for key, value in vars(home).items():
+        if isinstance(value, Dispatcher):
+            monkeypatch.setattr(home, key, value.py_func)
+
+    def quantity(value, units):
+        if value is None:
+            return None
+        dimension = ureg.Quantity(1.0, units).dimensionality
+        force = float(dimension.get("[mass]", 0))
+        length = float(dimension.get("[length]", 0)) - force
+        return value * (unit.force * ureg.N) ** force * (unit.length * ureg.m) ** length
+
+    in_si = type(reduced)(*map(quantity, reduced, UNITS[name]))
+    for value, units in zip(in_si, UNITS[name]):
+        assert value is None or value.check(ureg.Quantity(1.0, units).dimensionality)
+
+    def si(result, units):
+        # A plain zero has any dimension.
+        return (
+            (result if isinstance(result, pint.Quantity) else ureg.Quantity(result, units))
+            .to(units)
+            .magnitude
+        )
+
+    for h in GAPS:
+        value, slope = home.force(h * unit.length * ureg.m, unit.length * ureg.m, in_si)
+        expected, expected_slope = compiled(h, 1.0, reduced)
+        assert si(value, "N") == pytest.approx(expected * unit.force, rel=1e-12)
+        assert si(slope, "N/m") == pytest.approx(expected_slope * unit.stiffness, rel=1e-12)
+
+
+def combined(names):
+    """The kernels of a scene with these effects."""
+    whole = scene(*names)
+    return whole.effects.kernels(whole)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("van_der_waals",),
+        ("unretarded", "double_layer"),
+        ("van_der_waals", "constant_charge", "born"),
+        ("van_der_waals", "double_layer", "born", "steric"),
+        ("steric",),
+        (),
+    ],
+)
+def test_forces_add(names):
+    kernels = combined(names)
+    for h in gaps("van_der_waals"):
+        total = np.array(
+            non_contact_force(h, 1.0, kernels.van_der_waals, kernels.double_layer, kernels.short_range)
+        )
+        alone = np.array([module(name).force(h, 1.0, kernel(name)) for name in names]).reshape(-1, 2)
+        assert total == pytest.approx(alone.sum(axis=0), rel=1e-14, abs=1e-14 * np.abs(alone).sum())
+
+
+@pytest.mark.parametrize("name", NON_CONTACT)
+def test_absent_is_strength_zero(name):
+    """To the last bit: the sum with the effect at strength zero is the sum without it."""
+    others = [n for n in ("van_der_waals", "double_layer", "steric") if n != (VARIANTS.get(name, (name,))[0])]
+    without = combined(others)
+    zero = kernel(name)
+    zero = zero._replace(**{zero._fields[0]: 0.0})
+    effect = VARIANTS[name][0] if name in VARIANTS else name
+    if effect in ("born", "steric"):
+        short = (without.short_range or ShortRangeKernel(None, None))._replace(**{effect: zero})
+        nothing = without._replace(short_range=short)
+    else:
+        nothing = without._replace(**{effect: zero})
+    for h in GAPS:
+        a, b = (
+            non_contact_force(h, 1.0, k.van_der_waals, k.double_layer, k.short_range)
+            for k in (without, nothing)
+        )
+        assert a == b
+
+
+def test_a_contact_law_is_the_one_present():
+    for name in CONTACT:
+        kernels = combined([name])
+        for h in GAPS:
+            assert contact_force(h, 1.0, kernels.jkr, kernels.dmt) == module(name).force(h, 1.0, kernel(name))
+    assert contact_force(0.0, 1.0, None, None) == (0.0, 0.0)
+
+
+def test_kernels_are_none_where_the_scene_is_silent():
+    assert Kernels(*[None] * len(Kernels._fields)) == combined([])
+    kernels = combined(["van_der_waals", "jkr", "rolling"])
+    present = {name for name, value in kernels._asdict().items() if value is not None}
+    assert present == {"van_der_waals", "jkr", "rolling"}
+
+
+@pytest.mark.parametrize("name", list(TABLES))
+def test_an_effect_takes_all_its_parameters_and_no_others(name):
+    complete = effects(name).model_dump(exclude_none=True)
+    for key in TABLES[name]:
+        tables = {**TABLES, name: {k: v for k, v in TABLES[name].items() if k != key}}
+        with pytest.raises(ValidationError, match=rf"{name}.{key}\n|needs {key}"):
+            Effects.model_validate({n: tables[n] for n in complete})
+    with pytest.raises(ValidationError, match=f"{name}.colour"):
+        Effects.model_validate({n: TABLES[n] | ({"colour": 1} if n == name else {}) for n in complete})
