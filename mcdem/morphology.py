@@ -97,10 +97,12 @@ def population_morphology(
     bond_counts: Ints,
     radius: float,
     inertia: Inertia = "points",
+    rigidity: bool = True,
 ) -> xr.Dataset:
     """Shape and structure of every aggregate of a population; shapes as in the head of this file.
 
     radius : radius of a primary [m]
+    rigidity : whether to count floppy modes and redundant bonds, by far the dearest of all
     Returns a Dataset over ``aggregate`` whose variables carry units and long names.
     """
     sizes = np.asarray(sizes, dtype=np.int64)
@@ -115,12 +117,13 @@ def population_morphology(
     if len(sizes) and sizes.min() < 1:
         raise ValueError(f"aggregate {int(np.argmin(sizes))} has no primaries")
 
+    modes: NDArray[np.int64] | None
     if len(sizes) == 0:
         moments, outer, modes = np.empty((0, 3)), np.empty(0), np.empty((0, 2), dtype=np.int64)
     else:
         moments = second_moments(positions, sizes)
         outer = outer_radii(positions, sizes, radius)
-        modes = count_modes(positions / radius, sizes, bonds, bond_counts)
+        modes = count_modes(positions / radius, sizes, bonds, bond_counts) if rigidity else None
     axes = semi_axes(moments, radius, inertia)
     values = {
         "size": sizes,
@@ -132,9 +135,9 @@ def population_morphology(
         "bond_count": bond_counts,
         "coordination_number": 2.0 * bond_counts / sizes,
         "isostatic_bond_count": isostatic_bonds(sizes),
-        "floppy_modes": modes[:, 0],
-        "redundant_bonds": modes[:, 1],
     }
+    if modes is not None:
+        values |= {"floppy_modes": modes[:, 0], "redundant_bonds": modes[:, 1]}
     dataset = xr.Dataset(
         {
             name: ("aggregate", value, {"units": VARIABLES[name][0], "long_name": VARIABLES[name][1]})

@@ -21,6 +21,8 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class SizeMoments:
+    """Moments of the aggregates of one population."""
+
     mean_size: float
     """<P>"""
     size_deviation: float
@@ -104,6 +106,8 @@ FEWEST_BLOCKS = 16
 
 @dataclass(frozen=True)
 class TimeAverage:
+    """Mean of a series over a stretch of time."""
+
     mean: float
     error: float
     """standard error, by blocks"""
@@ -154,6 +158,8 @@ EARLIEST_STARTS = np.arange(0.0, 0.61, 0.1)
 
 @dataclass(frozen=True)
 class SteadyState:
+    """Whether and from when a run is steady."""
+
     reached: bool
     start: float
     """from here on the run counts as steady; where it does not, the start of its last 40 % [s]"""

@@ -1,0 +1,31 @@
+"""`mcdem figures`: the paper's figures, and a few it lacks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def figures(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="Datasets of `mcdem run`, and trajectories of `mcdem encounter`, in any order.",
+        ),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="DIRECTORY", help="Folder for the figures and their numbers."),
+    ] = Path("figures"),
+) -> None:
+    """Draw every figure that the datasets allow; each figure's numbers are saved beside it (NetCDF).
+
+    Replicas of one shear stress are taken together; what the paper prints is marked where its scene is the run's.
+    """
+    from mcdem.figures import draw_all
+
+    for picture in draw_all(files, output):
+        typer.echo(picture)

@@ -1,0 +1,12 @@
+"""The paper's figures and a few it lacks, each from its numbers, which are saved beside it.
+
+One file for each group of figures: `growth` (6, 7), `size_distribution` (8), `shape` (9, 11, 12, 13, isostaticity),
+`clusters` (10, Table 2), `forces` (5), `encounter` (14), `breakup` (15, 16), `outcomes` (offset, first bond loss,
+tension). `paper` holds what Frungieri & Vanni print, to be marked in them.
+"""
+
+from __future__ import annotations
+
+from mcdem.figures.album import draw_all, figures_of, plot_run
+
+__all__ = ["draw_all", "figures_of", "plot_run"]

@@ -1,0 +1,236 @@
+"""Figs. 15 and 16: what size breaks, and into what, under both readings of breakup."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure as Canvas
+
+from ..breakup import READINGS, is_breakup
+from ..runs import Run, by_stress, pool, pooled_breakups
+from ..statistics import fit_power_law
+from . import paper
+from .figure import Figure, quantity
+from .style import BLACK, GREY, READING, canvas, legend, note
+
+
+def critical_size(runs: Sequence[Run]) -> Figure:
+    """Fig. 15: size just before breakup and mean size at steady state against shear stress."""
+    groups = by_stress(runs)
+    stresses = np.array(list(groups))
+    mean = np.array(
+        [[run.average("mean_size").mean for run in group] + [np.nan] * 99 for group in groups.values()]
+    )
+    error = [
+        np.sqrt(sum(run.average("mean_size").error ** 2 for run in group)) / len(group)
+        for group in groups.values()
+    ]
+    deviation = [np.mean([run.average("size_deviation").mean for run in group]) for group in groups.values()]
+    numbers = xr.Dataset(coords={"stress": quantity(stresses, "stress", "Pa", "shear stress")})
+    numbers["mean_size"] = quantity(np.nanmean(mean, axis=1), "stress", "1", "<P> at steady state")
+    numbers["mean_size_error"] = quantity(error, "stress", "1", "standard error of <P>")
+    numbers["size_deviation"] = quantity(deviation, "stress", "1", "sigma_P")
+    numbers["steady"] = ("stress", [all(run.steady.reached for run in group) for group in groups.values()])
+    numbers = numbers.assign_coords(reading=list(READINGS))
+    rows = {reading: [pooled_breakups(group, reading) for group in groups.values()] for reading in READINGS}
+    for name, words in (
+        ("P_br", "mean number of primaries of what broke"),
+        ("P_br_deviation", "its standard deviation over the breakups"),
+        ("P_br_error", "its standard error"),
+        ("collider_size", "mean number of primaries of each of the two aggregates"),
+        ("breakups", "number of breakups"),
+    ):
+        numbers[name] = quantity(
+            [[row[name] for row in rows[reading]] for reading in READINGS], ("reading", "stress"), "1", words
+        )
+    series = {
+        "mean_size": numbers["mean_size"].values,
+        **{f"P_br_{r}": numbers["P_br"].sel(reading=r).values for r in READINGS},
+    }
+    for name, values in series.items():
+        known = np.isfinite(values)
+        fit = fit_power_law(stresses[known], values[known]) if known.sum() >= 2 else None
+        if fit is None and known.sum() == 2:  # through two points: an exponent without limits
+            slope = float(np.diff(np.log(values[known]))[0] / np.diff(np.log(stresses[known]))[0])
+            limits = [slope, np.nan, np.nan]
+        else:
+            limits = [fit.exponent, fit.exponent_low, fit.exponent_high] if fit else [np.nan] * 3
+        numbers[f"exponent_{name}"] = quantity(
+            -np.array(limits), "limit", "1", "breakup exponent q, 95 % limits"
+        )
+    return Figure(
+        "fig15_critical_size",
+        "Size before breakup, under both readings, and mean size at steady state against shear stress.",
+        numbers,
+        draw_critical_size,
+    )
+
+
+def draw_critical_size(numbers: xr.Dataset) -> Canvas:
+    """Means with standard deviations, exponents, and the paper's slope of -2."""
+    figure, axes = canvas(height=3.1)
+    stress = numbers["stress"].values
+
+    def words(name: str, text: str) -> str:
+        q, high, low = numbers[f"exponent_{name}"].values
+        if not np.isfinite(q):
+            return text
+        limits = f" [{low:.1f}, {high:.1f}]" if np.isfinite(low) else ""
+        return f"{text}: q = {q:.1f}{limits}"
+
+    for shift, reading, marker in ((0.985, "paper", "o"), (1.0, "strict", "^")):
+        colour, reads = READING[reading]
+        one = numbers.sel(reading=reading)
+        axes.errorbar(
+            stress * shift,
+            one["P_br"],
+            one["P_br_deviation"],
+            fmt=marker,
+            color=colour,
+            ms=4,
+            capsize=2,
+            elinewidth=0.7,
+            label=words(f"P_br_{reading}", rf"$\bar P_{{br}}$, {reads}"),
+        )
+        for x, y, n in zip(stress * shift, one["P_br"].values, one["breakups"].values, strict=True):
+            if np.isfinite(y):
+                ahead = reading == "paper"
+                place = (-4 if ahead else 4, 0)
+                side = "right" if ahead else "left"
+                axes.annotate(
+                    f"{int(n)}",
+                    (x, y),
+                    place,
+                    textcoords="offset points",
+                    fontsize=5,
+                    color=colour,
+                    ha=side,
+                    va="center",
+                )
+    axes.errorbar(
+        stress * 1.015,
+        numbers["mean_size"],
+        numbers["size_deviation"],
+        fmt="s",
+        color=BLACK,
+        ms=3.5,
+        capsize=2,
+        elinewidth=0.7,
+        label=words("mean_size", r"$\langle P\rangle$"),
+    )
+    span = np.geomspace(min(stress.min(), 700), max(stress.max(), 1050), 20)
+    for level in (numbers["P_br"].sel(reading="paper").values, numbers["mean_size"].values):
+        if np.isfinite(level).any():
+            anchor = np.nanmean(np.log(level) + paper.BREAKUP_EXPONENT * np.log(stress))
+            label = (
+                "slope $-2.0$ (paper)" if level is not numbers["mean_size"].values and axes.lines else None
+            )
+            axes.plot(
+                span, np.exp(anchor) * span**-paper.BREAKUP_EXPONENT, ":", color=GREY, lw=0.8, label=label
+            )
+            label = None
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    ticks = sorted({*np.round(stress).astype(int).tolist(), 750, 1000})
+    axes.set_xticks(ticks, [str(t) for t in ticks])
+    axes.minorticks_off()
+    top, bottom = axes.get_ylim()[1], axes.get_ylim()[0]
+    axes.set_ylim(max(bottom, 1.0), top * 3.5)
+    axes.set_yticks([1, 2, 5, 10, 20, 50, 100, 200], ["1", "2", "5", "10", "20", "50", "100", "200"])
+    axes.set_ylim(max(bottom, 1.0), top * 3.5)
+    axes.set_xlabel(r"shear stress  $\mu\dot\gamma$ [Pa]")
+    axes.set_ylabel("number of primaries")
+    steady = "" if bool(numbers["steady"].all()) else "; not all runs are steady"
+    legend(axes, f"bars: standard deviation; small numbers: breakups{steady}", loc="upper right")
+    return figure
+
+
+EDGES = np.linspace(0.0, 1.0, 21)
+
+
+def largest_fragment(runs: Sequence[Run]) -> Figure:
+    """Fig. 16: largest fragment over parent."""
+    broken = pool([run.late_breakups for run in runs], "breakup")
+    counts = []
+    for reading in READINGS:
+        chosen = broken["largest_fragment"].values[is_breakup(broken["outcome"].values, reading)]
+        # a fragment of exactly 0.9 is erosion: bins hold their lower edge
+        counts.append(np.histogram(chosen - 1e-9 + 2e-9, EDGES)[0])
+    numbers = xr.Dataset(
+        {
+            "count": quantity(counts, ("reading", "bin"), "1", "breakups"),
+            "low": quantity(EDGES[:-1], "bin", "1", "largest fragment over parent, from"),
+            "high": quantity(EDGES[1:], "bin", "1", "largest fragment over parent, to"),
+        },
+        {"reading": list(READINGS)},
+        {"paper": int(paper.holds_for(runs[0].scene, 1000.0)), "stress": runs[0].stress},
+    )
+    for name in ("erosion_share", "fragmentation_share"):
+        for limit in ("", "_low", "_high"):
+            numbers[name + limit] = ("reading", [pooled_breakups(runs, r)[name + limit] for r in READINGS])
+    return Figure(
+        "fig16_largest_fragment",
+        f"Largest fragment as a share of what broke at {runs[0].label}, under both readings.",
+        numbers,
+        draw_largest_fragment,
+    )
+
+
+def draw_largest_fragment(numbers: xr.Dataset) -> Canvas:
+    """Two histograms with Poisson errors; the paper's ranges shaded."""
+    figure, axes = canvas(height=3.0)
+    low, high = numbers["low"].values, numbers["high"].values
+    top = 0.0
+    for side, reading in ((-1, "paper"), (1, "strict")):
+        colour, words = READING[reading]
+        one = numbers.sel(reading=reading)
+        count = one["count"].values
+        total = max(count.sum(), 1)
+        x = 0.5 * (low + high) + side * 0.2 * (high - low)
+        axes.bar(
+            x,
+            count / total,
+            0.38 * (high - low),
+            color=colour,
+            alpha=0.7,
+            lw=0,
+            label=f"{words}: {count.sum()}",
+        )
+        seen = count > 0
+        axes.errorbar(
+            x[seen],
+            count[seen] / total,
+            np.sqrt(count[seen]) / total,
+            fmt="none",
+            ecolor=BLACK,
+            elinewidth=0.5,
+        )
+        top = max(top, ((count + np.sqrt(count)) / total).max())
+    if numbers.attrs["paper"]:
+        axes.axvspan(
+            *paper.COMPARABLE_FRAGMENTS,
+            color=GREY,
+            alpha=0.13,
+            lw=0,
+            label="paper: > 80 %, and erosion's peak",
+        )
+        axes.axvspan(*paper.EROSION_PEAK, color=GREY, alpha=0.13, lw=0)
+        axes.axvline(paper.LIKELIEST_FRAGMENT, color=GREY, ls=":", lw=0.8)
+    axes.set_xlim(0, 1)
+    axes.set_ylim(0, max(1.75 * top, 0.1))
+    axes.set_xlabel("largest fragment over parent")
+    axes.set_ylabel("share of breakups")
+    axes.legend(loc="upper left")
+    lines = []
+    for reading in ("paper", "strict"):
+        one = numbers.sel(reading=reading)
+        if int(one["count"].sum()):
+            lines.append(
+                f"{READING[reading][1]}: 0.45 to 0.75 {float(one['fragmentation_share']):.0%}, erosion "
+                f"{float(one['erosion_share']):.0%} [{float(one['erosion_share_low']):.0%}, "
+                f"{float(one['erosion_share_high']):.0%}]"
+            )
+    note(axes, "\n".join(lines) or "no breakups in the steady stretch", (0.03, 0.66))
+    return figure

@@ -1,0 +1,44 @@
+"""What a figure is here: numbers, and a drawing of nothing but these numbers.
+
+Both are saved side by side, ``NAME.png`` and ``NAME.nc``, so that any figure can be drawn again, or otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import xarray as xr
+from matplotlib.figure import Figure as Canvas
+
+from .style import look
+
+Draw = Callable[[xr.Dataset], Canvas]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure to be: its file name, its caption, its numbers and what draws them."""
+
+    name: str
+    caption: str
+    numbers: xr.Dataset
+    draw: Draw
+
+    def named(self, name: str) -> Figure:
+        """The same figure under another file name."""
+        return replace(self, name=name)
+
+    def save(self, directory: Path) -> Path:
+        """Write ``NAME.png`` and ``NAME.nc`` into the directory; returns the picture's path."""
+        picture = directory / f"{self.name}.png"
+        with look():
+            self.draw(self.numbers).savefig(picture)
+        self.numbers.assign_attrs(caption=self.caption).to_netcdf(directory / f"{self.name}.nc")
+        return picture
+
+
+def quantity(values: object, dim: str | tuple[str, ...], units: str, long_name: str) -> xr.Variable:
+    """A variable with its units and its name in words."""
+    return xr.Variable(dim, values, {"units": units, "long_name": long_name})

@@ -1,0 +1,179 @@
+"""A run's dataset, opened for reading: series, encounters, populations, and what follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from .breakup import Reading, breakups, summarise
+from .errors import DataFileError
+from .morphology import Inertia, population_morphology
+from .scene import Scene
+from .statistics import SteadyState, TimeAverage, find_steady_state, time_average
+
+FEW_BREAKUPS = 100
+"""Below this many breakups a distribution's shape is noise: a share of 10 % is known to +- 6 %."""
+
+
+class Run:
+    """One dataset written by `mcdem run` (layout: `mcdem.record`). Times are process times [s].
+
+    series : Dataset over ``row``: time, number_of_aggregates, volume, mean_size, size_deviation, sauter_diameter
+    events : Dataset over ``event``; outcomes as words
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        try:
+            with xr.open_dataset(self.path, decode_times=False) as root:
+                self.series, self.attributes = root.load(), dict(root.attrs)
+            with xr.open_dataset(self.path, group="events", decode_times=False) as group:
+                self.events = group.load()
+            with xr.open_dataset(self.path, group="snapshots", decode_times=False) as group:
+                self._snapshots = group.load()
+        except (OSError, ValueError, KeyError) as problem:
+            raise DataFileError(
+                f"{path}: not a dataset of `mcdem run` ({problem}); expected a NetCDF file with the groups "
+                "/events and /snapshots"
+            ) from problem
+        if "scene" not in self.attributes:
+            raise DataFileError(f"{path}: holds no scene; expected a dataset written by `mcdem run`")
+        self.scene = Scene.from_text(self.attributes["scene"], self.path)
+
+    @property
+    def radius(self) -> float:
+        """a [m]"""
+        return self.scene.suspension.radius
+
+    @property
+    def stress(self) -> float:
+        """Shear stress of the undisturbed flow [Pa]."""
+        return self.scene.flow.shear_stress
+
+    @property
+    def label(self) -> str:
+        return f"{self.stress:.4g} Pa"
+
+    # Time
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        return np.asarray(self.series["time"].values)
+
+    @cached_property
+    def outcome(self) -> NDArray[np.str_]:
+        """(events,) outcomes in words."""
+        column = self.events["outcome"]
+        words = np.array(str(column.attrs["flag_meanings"]).split())
+        codes = np.asarray(column.attrs["flag_values"])
+        return words[np.searchsorted(codes, column.values)] if len(column) else np.empty(0, dtype=words.dtype)
+
+    @cached_property
+    def steady(self) -> SteadyState:
+        """By the test of `statistics.STEADY_TEST`, on <P> and sigma_P."""
+        return find_steady_state(
+            self.time,
+            {"<P>": self.series["mean_size"].values, "sigma_P": self.series["size_deviation"].values},
+            self.turnovers,
+        )
+
+    @cached_property
+    def turnovers(self) -> NDArray[np.float64]:
+        """(rows,) aggregates born by aggregation or breakup until then, over the number there is."""
+        changed = np.isin(self.outcome, ("aggregation", "exchange", "fragmentation"))
+        born = np.cumsum(np.where(changed, self.events["number_of_products"].values, 0))
+        per_row = np.concatenate([[0], born])[: len(self.time)]
+        number = self.series["number_of_aggregates"].values
+        return np.asarray(np.cumsum(np.diff(per_row, prepend=0) / number))
+
+    def average(self, name: str) -> TimeAverage:
+        """Mean of a series over the steady stretch (the last 40 % of a run that is not steady)."""
+        return time_average(self.time, self.series[name].values, self.steady.start)
+
+    @cached_property
+    def is_late(self) -> NDArray[np.bool_]:
+        """(events,) which encounters fall in the steady stretch."""
+        return np.asarray(self.events["time"].values >= self.steady.start)
+
+    # Breakup
+
+    @cached_property
+    def breakups(self) -> xr.Dataset:
+        """Every breakup of the run in the wider reading (see `mcdem.breakup`), with its ``time`` [s]."""
+        broken = breakups(
+            self.outcome,
+            self.events["contact"].values.astype(bool),
+            self.events["parent_size"].values,
+            self.events["number_of_products"].values,
+            self.events["product_size"].values,
+            self.events["product_from_first"].values,
+        )
+        broken["time"] = ("breakup", self.events["time"].values[broken["event"].values])
+        return broken
+
+    @property
+    def late_breakups(self) -> xr.Dataset:
+        """Breakups of the steady stretch."""
+        return self.breakups.isel(breakup=self.breakups["time"].values >= self.steady.start)
+
+    # Populations
+
+    @property
+    def snapshot_times(self) -> NDArray[np.float64]:
+        return np.asarray(self._snapshots["time"].values)
+
+    def _ragged(self, snapshot: int) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        s = self._snapshots
+        ends = np.cumsum(s["number_of_aggregates"].values)
+        snapshot %= len(ends)
+        rows = slice(int(ends[snapshot] - s["number_of_aggregates"].values[snapshot]), int(ends[snapshot]))
+        sizes, bonds = s["size"].values, s["number_of_bonds"].values
+        primaries = slice(int(sizes[: rows.start].sum()), int(sizes[: rows.stop].sum()))
+        links = slice(int(bonds[: rows.start].sum()), int(bonds[: rows.stop].sum()))
+        return s["position"].values[primaries], sizes[rows], s["bond"].values[links], bonds[rows]
+
+    def population(
+        self, snapshot: int = -1, inertia: Inertia = "points", rigidity: bool = True
+    ) -> xr.Dataset:
+        """Morphology of every aggregate of a snapshot, over ``aggregate``."""
+        positions, sizes, bonds, counts = self._ragged(snapshot)
+        found = population_morphology(positions, sizes, bonds, counts, self.radius, inertia, rigidity)
+        return found.assign_attrs(time=float(self.snapshot_times[snapshot]), stress=self.stress)
+
+    def geometry(self, aggregate: int, snapshot: int = -1) -> tuple[NDArray, NDArray]:
+        """Positions (P, 3) [m] and bonds (n_b, 2) of one aggregate of a snapshot."""
+        positions, sizes, bonds, counts = self._ragged(snapshot)
+        first, first_bond = int(sizes[:aggregate].sum()), int(counts[:aggregate].sum())
+        return (
+            positions[first : first + sizes[aggregate]],
+            bonds[first_bond : first_bond + counts[aggregate]],
+        )
+
+    @cached_property
+    def late_snapshots(self) -> list[int]:
+        """Indices of the snapshots of the steady stretch; at least the last one."""
+        late = np.flatnonzero(self.snapshot_times >= self.steady.start)
+        return late.tolist() or [len(self.snapshot_times) - 1]
+
+
+def pool(datasets: Iterable[xr.Dataset], dim: str) -> xr.Dataset:
+    """Rows of several replicas one after another."""
+    return xr.concat(list(datasets), dim, combine_attrs="drop_conflicts", join="exact")
+
+
+def by_stress(runs: Iterable[Run]) -> dict[float, list[Run]]:
+    """Replicas together, by rising shear stress [Pa]."""
+    groups: dict[float, list[Run]] = {}
+    for run in sorted(runs, key=lambda run: run.stress):
+        groups.setdefault(round(run.stress, 6), []).append(run)
+    return groups
+
+
+def pooled_breakups(runs: Sequence[Run], reading: Reading) -> dict[str, float]:
+    """`breakup.summarise` over the steady stretches of replicas."""
+    return summarise(pool([run.late_breakups for run in runs], "breakup"), reading)
