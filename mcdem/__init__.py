@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from mcdem.encounter import Recorder as Recorder
     from mcdem.encounter import simulate_encounter as simulate_encounter
     from mcdem.errors import UserError as UserError
-    from mcdem.scene import Scene as Scene
-    from mcdem.scene import load_scene as load_scene
     from mcdem.free_spheres import Velocities as Velocities
     from mcdem.free_spheres import velocities as velocities
+    from mcdem.scene import Scene as Scene
+    from mcdem.scene import load_scene as load_scene
 
 # Before the first kernel is decorated.
 compiled_cache.key_by_sources(Path(__file__).parent)

@@ -6,6 +6,7 @@ They feed figures and reports with every outcome and with all kinds of shapes; n
 from __future__ import annotations
 
 import numpy as np
+
 from mcdem.aggregate import Aggregate, split
 from mcdem.encounter import EncounterResult, classify, draw_offset
 
