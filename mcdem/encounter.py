@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mcdem.aggregate import Aggregate, split
-from mcdem.errors import UserError
+from mcdem.errors import SceneError, UserError
 from mcdem.hydrodynamics.far_field import tensor_to_five
 from mcdem.hydrodynamics.two_sphere import lubrication_table
 from mcdem.stepping import state
@@ -105,16 +105,19 @@ def physics_of(scene: Scene) -> tuple[state.Flow, state.Physics]:
     strain = 0.5 * (gradient + gradient.T)
     five = np.empty(5)
     tensor_to_five(strain, five)
-    effects = scene.effects
-    kernels = {
-        name: effect.kernel(scene) if (effect := getattr(effects, name, None)) is not None else None
-        for name in ("van_der_waals", "double_layer", "short_range", "jkr", "dmt")
-    }
+    kernels = scene.effects.kernels(scene)
+    for name in ("sliding", "rolling", "twisting", "rods"):
+        if getattr(kernels, name) is not None:
+            raise SceneError(f"{scene.name}: [effects.{name}] is not yet followed in an encounter; remove it")
     physics = state.Physics(
         cutoff=scene.hydrodynamics.lubrication_cutoff,
         shifted=scene.hydrodynamics.cutoff_reading == "gap",
         table=lubrication_table(1.0),
-        **kernels,
+        van_der_waals=kernels.van_der_waals,
+        double_layer=kernels.double_layer,
+        short_range=kernels.short_range,
+        jkr=kernels.jkr,
+        dmt=kernels.dmt,
     )
     return state.Flow(gradient, strain, five), physics
 

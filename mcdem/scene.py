@@ -192,6 +192,7 @@ class Scene(Table):
             raise SceneError(explain(problem, cls, source)) from None
         scene._text = text
         scene._path = Path(path) if path is not None else None
+        scene.effects.kernels(scene)  # refuses what an effect does not hold for in this suspension
         return scene
 
     def with_changes(self, changes: Mapping[str, Any]) -> Self:

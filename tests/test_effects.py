@@ -314,18 +314,25 @@ def test_what_does_not_go_together_is_refused(table, words):
         Effects.model_validate(table)
 
 
-def test_a_refusal_of_the_scene_file_names_table_and_cure():
-    text = """
+SUSPENSION = """
 [suspension]
 radius = "500 nm"
 volume_fraction = 1e-4
 [flow]
 shear_rate = "1e4 1/s"
 viscosity = "100 cP"
-[effects.born]
-collision_diameter = "0.5 nm"
 """
+
+
+def test_a_refusal_of_the_scene_file_names_table_and_cure():
+    text = SUSPENSION + '[effects.born]\ncollision_diameter = "0.5 nm"\n'
     with pytest.raises(SceneError, match=r"scene.toml: \[effects\] born .* add \[effects.van_der_waals\]"):
+        Scene.from_text(text, "scene.toml")
+    text = SUSPENSION + '[effects.double_layer]\ndebye_length = "60 nm"\nsurface_potential = "25 mV"\n'
+    text += 'relative_permittivity = 78.5\ncondition = "constant_potential"\n'
+    with pytest.raises(
+        SceneError, match=r"scene.toml: \[effects.double_layer\] debye_length = 60 nm .* at most 50 nm"
+    ):
         Scene.from_text(text, "scene.toml")
 
 

@@ -9,7 +9,8 @@ carried to spheres by Derjaguin's approximation; constant charge after Wiese & H
 Valid (M) for kappa a >> 1, here >= 10, and for surface potentials low against kT/e = 25.7 mV; the authors find it good to
 60 mV.  At constant charge F diverges as 1/h: charges are kept `minimum_approach` apart at contact (C).
 
-Limiting test: the exact linear Poisson-Boltzmann solution for two spheres, which it approaches as 1/(kappa a).
+Limiting test: the exact linear Poisson-Boltzmann solution for two spheres, which it approaches as 1/(kappa a).  At kappa a = 20
+and kappa h = 0.3, 1, 3 it is off by -0.6, -0.1, 5 % (constant potential) and by 22, 7, 6 % (constant charge).
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class DoubleLayer(Table):
         kappa_a = unit.length / self.debye_length
         if kappa_a < SMALLEST_KAPPA_A:
             raise SceneError(
-                f"{scene.name}: [effects.double_layer] debye_length = {self.debye_length * 1e9:g} nm makes "
+                f"{scene.path or scene.name}: [effects.double_layer] debye_length = {self.debye_length * 1e9:g} nm makes "
                 f"kappa a = {kappa_a:.3g}; expected at least {SMALLEST_KAPPA_A:g}, a debye_length of at most "
                 f"{unit.length / SMALLEST_KAPPA_A * 1e9:g} nm, for the sphere formula to hold"
             )

@@ -11,13 +11,13 @@ w2 r of the contact from the centres (w1 + w2 = 1, w_i proportional to the radiu
     sliding  s = r n x m  (surface of 2 over that of 1),     rolling  q2 - q1,     twisting  q[6].
 
 A law keeps a spring of seven numbers for each contact, its *history*, and gives *loads* conjugate to q: power = loads . dq/dt.
-Loads are minus stiffness times spring; a spring whose load would pass its limit is cut back to it (Cundall & Strack 1979), in
-the direction of the load of the whole step.  Laws add (`Effects`); each states which part of the history it keeps.
+Loads are minus stiffness times spring; a spring whose load would pass its limit is cut back to it (Cundall & Strack 1979).
+Laws add (`Effects`); each states which part of the history it keeps.
 
 One step of one contact, for an integrator that finds the motion of the step by iteration:
 
     relative_turns(before, after, turn_1, turn_2, rods,
-                   q, normals, spins)                               what the motion does to the contact
+                   q, normals, spins)                                   what the motion does to the contact
     carry(history, normals[0], normals[1], spins, carried)              springs, turned with the pair to the middle of the step
     contact_resistance(carried, q, ..., spring, loads, tangent)         springs at the end of the step, loads, stiffness
     spread(loads, normals[1], distance, force_2, torque_1, torque_2)    what acts on the spheres

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from mcdem.effects import contact_force, non_contact_force
+from mcdem.effects import contact_equilibrium, contact_force, contact_pull_off_gap, non_contact_force
 from mcdem.stepping.state import harmonic_radius
+
+equilibrium = contact_equilibrium
+pull_off_gap = contact_pull_off_gap
 
 # Gap h/a beyond which direct forces between spheres not in contact are left out: there the unretarded
 # attraction is below 1e-7 of its value at contact for the smallest roughness in use.
@@ -30,25 +33,6 @@ def add_non_contact_forces(forces, directions, gaps, bonded, radii, van_der_waal
                 radius = harmonic_radius(radii[i], radii[j])
                 value, _ = non_contact_force(gaps[i, j], radius, van_der_waals, double_layer, short_range)
                 add_pair_force(forces, i, j, directions[i, j], value)
-
-
-@njit(cache=True)
-def pull_off_gap(radius, jkr, dmt):
-    """Gap at which a contact of harmonic mean radius `radius` is lost."""
-    if jkr is not None:
-        return jkr.pull_off_gap * radius ** (1.0 / 3.0)
-    return 0.0
-
-
-@njit(cache=True)
-def equilibrium(radius, jkr, dmt):
-    """(gap, stiffness) of a contact without load, for harmonic mean radius `radius`."""
-    if jkr is not None:
-        return (
-            jkr.equilibrium_gap * radius ** (1.0 / 3.0),
-            jkr.equilibrium_stiffness * radius ** (2.0 / 3.0),
-        )
-    return 0.0, 0.0
 
 
 @njit(cache=True)
