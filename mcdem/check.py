@@ -42,7 +42,14 @@ class Finding:
 
 def check(scene: Scene) -> list[Finding]:
     """All findings on a scene, the physics first, then the numerics."""
-    return [*_left_out(scene), *_holding(scene), *_capture(scene), *_dilution(scene), *_numerics(scene)]
+    return [
+        *_left_out(scene),
+        *_holding(scene),
+        *_barrier(scene),
+        *_capture(scene),
+        *_dilution(scene),
+        *_numerics(scene),
+    ]
 
 
 def _left_out(scene: Scene) -> Iterator[Finding]:
@@ -85,9 +92,7 @@ def _left_out(scene: Scene) -> Iterator[Finding]:
 def _holding(scene: Scene) -> Iterator[Finding]:
     """What holds aggregates together, and whether its parameters agree."""
     effects, unit = scene.effects, scene.reduced
-    van_der_waals, jkr = effects.van_der_waals, effects.jkr
-    contact = jkr if jkr is not None else getattr(effects, "dmt", None)
-    wall = getattr(effects, "born", None) or getattr(effects, "steric", None)
+    van_der_waals, contact = effects.van_der_waals, effects.contact
 
     if contact is not None:
         adhesion = contact.kernel(scene).pull_off_force
@@ -104,7 +109,7 @@ def _holding(scene: Scene) -> Iterator[Finding]:
         else:
             words = f"doublets feel {doublet:.2g} F_adh: only large aggregates break, and they will be costly to follow"
             yield Finding(name, cohesion, "note", words)
-    elif wall is None:
+    elif effects.born is None and effects.steric is None:
         words = (
             "attraction and no law of contact: add [effects.jkr], or nothing stops the primaries where they meet"
             if van_der_waals is not None
@@ -140,7 +145,7 @@ def _holding(scene: Scene) -> Iterator[Finding]:
         soft, hard = tabor > 5.0, tabor < 0.1
         if soft or hard:
             right = "JKR" if soft else "DMT"
-            chosen = "JKR" if contact is jkr else "DMT"
+            chosen = "JKR" if contact is effects.jkr else "DMT"
             bound = "above 5" if soft else "below 0.1"
             verdict: Verdict = "fine" if chosen == right else "warning"
             words = f"{right} contacts are right ({bound})" + (
@@ -168,6 +173,41 @@ def _holding(scene: Scene) -> Iterator[Finding]:
             )
         else:
             yield Finding(name, ratio, "fine", "attraction before contact decides on captures (above 0.01)")
+
+
+def _barrier(scene: Scene) -> Iterator[Finding]:
+    """Whether the flow pushes pairs through the double layer."""
+    if scene.effects.double_layer is None:
+        return
+    import numpy as np
+
+    from mcdem.effects import non_contact_force
+
+    thickness = scene.suspension.radius / scene.effects.double_layer.debye_length
+    if thickness > 20.0:
+        yield Finding(
+            "kappa a", thickness, "fine", "the double layer is thin against the particles (above 20)"
+        )
+    else:
+        yield Finding(
+            "kappa a", thickness, "note", "the double layer is hardly thin against the particles (10 to 20)"
+        )
+    kernels = scene.effects.kernels(scene)
+    gaps = np.geomspace(1e-6, 1.0, 400)
+    barrier = max(
+        non_contact_force(h, 1.0, kernels.van_der_waals, kernels.double_layer, None)[0] for h in gaps
+    )
+    name = "largest repulsion before contact over 6 pi mu a^2 g"
+    if barrier < 0.01:
+        yield Finding(
+            name, barrier, "note", "the double layer cannot matter (below 0.01): it may be left out"
+        )
+    elif barrier < 1.0:
+        yield Finding(name, barrier, "fine", "the flow pushes pairs through the double layer (below about 1)")
+    else:
+        yield Finding(
+            name, barrier, "note", "the flow hardly pushes pairs through the double layer (above about 1)"
+        )
 
 
 def _capture(scene: Scene) -> Iterator[Finding]:
@@ -247,8 +287,8 @@ def _dilution(scene: Scene) -> Iterator[Finding]:
 
 def _numerics(scene: Scene) -> Iterator[Finding]:
     """Steps against the fastest motion, that of a contact."""
-    numerics, contact = scene.numerics, scene.effects.jkr or getattr(scene.effects, "dmt", None)
-    if contact is not None:
+    numerics = scene.numerics
+    if scene.effects.contact is not None:
         relaxation = contact_relaxation(scene)
         base = numerics.paper_base_step
         ratio = base / relaxation
@@ -293,7 +333,7 @@ def contact_relaxation(scene: Scene) -> float:
 
     The damping is the leading term 6 pi mu a/(4 delta) of lubrication at the cut-off, or at l0/a without one.
     """
-    contact, unit = scene.effects.jkr or getattr(scene.effects, "dmt", None), scene.reduced
+    contact, unit = scene.effects.contact, scene.reduced
     assert contact is not None
     van_der_waals = scene.effects.van_der_waals
     roughness = van_der_waals.minimum_approach / unit.length if van_der_waals is not None else 3e-4

@@ -104,6 +104,42 @@ def test_verdicts_follow_the_numbers(changes, start, verdict, words):
     assert found not in before
 
 
+DOUBLE_LAYER = {"debye_length": "10 nm", "relative_permittivity": 78.5, "condition": "constant_potential"}
+
+
+@pytest.mark.parametrize(
+    ("potential", "stress", "verdict", "words"),
+    [
+        ("1 mV", "750 Pa", "note", "may be left out"),
+        ("60 mV", "750 Pa", "fine", "the flow pushes pairs through"),
+        ("60 mV", "30 Pa", "note", "hardly pushes pairs through"),
+    ],
+)
+def test_a_double_layer_is_weighed_against_the_flow(potential, stress, verdict, words):
+    table = DOUBLE_LAYER | {"surface_potential": potential}
+    charged = scene().with_changes({"effects.double_layer": table, "flow.shear_stress": stress})
+    found = finding(charged, "largest repulsion")
+    assert (found.verdict, words in found.words) == (verdict, True), found
+    assert finding(charged, "kappa a").value == pytest.approx(50.0)
+
+
+def test_the_barrier_without_attraction_is_the_double_layers_force_at_contact():
+    """Hogg, Healy & Fuerstenau (1966): at constant potential pi eps psi^2 a kappa for h = 0, equal spheres of radius a."""
+    table = DOUBLE_LAYER | {"surface_potential": "25 mV"}
+    charged = scene().with_changes({"effects.double_layer": table, "effects.van_der_waals": None})
+    exact = math.pi * 8.8541878e-12 * 78.5 * 0.025**2 * 5e-7 / 1e-8
+    assert finding(charged, "largest repulsion").value == pytest.approx(
+        exact / charged.reduced.force, rel=1e-3
+    )
+
+
+def test_dmt_contacts_are_known():
+    table = {"surface_energy": "4.7 mJ/m^2", "elastic_modulus": "1000 GPa", "poisson_ratio": 0.5}
+    stiff = scene().with_changes({"effects.jkr": None, "effects.dmt": table})
+    assert finding(stiff, "Tabor").verdict == "fine"
+    assert finding(stiff, "cohesion").value == pytest.approx(0.319 * 3 / 4, rel=2e-3)
+
+
 # Truths.
 
 
