@@ -1,0 +1,62 @@
+"""Which two aggregates meet next, and when (choose one).
+
+Each pair (i, j) meets at the rate f_ij = (4/3) g (R_i + R_j)^3 / Delta V (Frungieri & Vanni, Eq. 2), so the encounters
+are competing Poisson processes.  Both ways here sample exactly that law:
+
+- `clocks`: thinned proposals that do not depend on what the places hold, so that those ahead are known; the default.
+- `inversion`: the paper's own Eqs. 3-6 over the table of all pairs; the slow twin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from mcdem.population import Population
+    from mcdem.scene import Scene
+
+
+class Meeting(NamedTuple):
+    """An encounter about to happen."""
+
+    time: float
+    """[s]"""
+    first: int
+    second: int
+    """Places of the two aggregates."""
+    epoch: int
+    number: int
+    """With the epoch, the identity of the encounter, from which its own random stream is opened."""
+
+
+class PairSelection(Protocol):
+    """A way to draw the sequence of encounters of a population that changes between them."""
+
+    def ahead(self, count: int) -> list[Meeting]:
+        """The next encounters, at most `count`, as they stand if no aggregate changed on the way; [] if none can be."""
+
+    def happened(self, meeting: Meeting, changed: Iterable[int]) -> None:
+        """The first of those ahead took place and changed what these places of the population hold."""
+
+    def doubled(self, time: float) -> None:
+        """The population was doubled at `time` [s]."""
+
+    def state(self) -> dict[str, object]:
+        """Numbers and arrays from which `restore` continues bit for bit."""
+
+
+def pair_selection(
+    scene: Scene, population: Population, seed: int, state: dict[str, object] | None = None
+) -> PairSelection:
+    """The way that the scene's `numerics.pair_selection` names, at the start or from a state."""
+    from mcdem.pair_selection.clocks import Clocks
+    from mcdem.pair_selection.inversion import Inversion
+
+    way = {"clocks": Clocks, "inversion": Inversion}[scene.numerics.pair_selection]
+    return way(population, scene.flow.shear_rate, seed, state)
+
+
+def encounter_rate(shear_rate: float, volume: float) -> float:
+    """Factor of (R_i + R_j)^3 in f_ij, (4/3) g / Delta V [1/(s m^3)] (Frungieri & Vanni, Eq. 2)."""
+    return 4.0 / 3.0 * shear_rate / volume

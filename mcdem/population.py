@@ -1,0 +1,234 @@
+"""The aggregates of the sample volume and their moments (Frungieri & Vanni, section 2.1).
+
+An aggregate sits at a *place* that stays its own as long as it lives.  Places are filled lowest first, so that the
+layout, and with it everything drawn from it, depends on the history of events alone.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mcdem.aggregate import Aggregate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mcdem.scene import Scene
+
+FIXED_POINT = 2**40
+"""Powers of R/a are summed as integers of 1/FIXED_POINT: the sums then depend neither on order nor on history."""
+
+
+class ConservationError(AssertionError):
+    """Primary particles were lost or made: a defect of the program, never of the input."""
+
+
+@dataclass(frozen=True)
+class Product:
+    """An aggregate that left an encounter."""
+
+    aggregate: Aggregate
+    serial: int
+    """Number of the aggregate; it survives an encounter that leaves its set of primary particles as it was."""
+    place: int
+    from_first: int
+    """How many of its primary particles came from the first parent."""
+
+
+class Population:
+    """Aggregates at places 0, 1, 2, ...; a free place holds `None` and has size and outer radius 0.
+
+    Attributes
+    ----------
+    primary_radius : a [m]
+    volume : sample volume Delta V [m^3]
+    aggregates : aggregate of each place, or None
+    serials : number of the aggregate at each place
+    sizes : (places,) primary particles of each
+    outer_radii : (places,) R [m]
+    """
+
+    def __init__(self, primary_radius: float, volume: float, places: int = 16) -> None:
+        self.primary_radius = primary_radius
+        self.volume = volume
+        self.aggregates: list[Aggregate | None] = []
+        self.serials: list[int] = []
+        self.sizes: NDArray[np.int64] = np.zeros(places, dtype=np.int64)
+        self.outer_radii: NDArray[np.float64] = np.zeros(places)
+        self.number = 0
+        self.primaries = 0
+        self.next_serial = 0
+        self._free: list[int] = []
+        self._squared_sizes = 0
+        self._squared_radii = 0
+        self._cubed_radii = 0
+
+    @classmethod
+    def of_primaries(cls, scene: Scene) -> Population:
+        """The suspension at the start: `population.initial` free primary particles at the scene's volume fraction."""
+        radius = scene.suspension.radius
+        initial = scene.population.initial
+        volume = initial * (4.0 / 3.0) * math.pi * radius**3 / scene.suspension.volume_fraction
+        population = cls(radius, volume, initial)
+        monomer = Aggregate.monomer()
+        for _ in range(initial):
+            population.add(monomer)
+        return population
+
+    def __iter__(self) -> Iterator[tuple[int, Aggregate]]:
+        """(place, aggregate) of each occupied place, in order."""
+        return ((place, aggregate) for place, aggregate in enumerate(self.aggregates) if aggregate is not None)
+
+    def at(self, place: int) -> Aggregate:
+        aggregate = self.aggregates[place]
+        if aggregate is None:
+            raise LookupError(f"place {place} is free")
+        return aggregate
+
+    # Moments
+
+    @property
+    def mean_size(self) -> float:
+        """<P>, mean number of primary particles per aggregate."""
+        return self.primaries / self.number
+
+    @property
+    def size_deviation(self) -> float:
+        """sigma_P, standard deviation of the number of primary particles over the population."""
+        return math.sqrt(self.number * self._squared_sizes - self.primaries**2) / self.number
+
+    @property
+    def sauter_diameter(self) -> float:
+        """d32 = 2 sum R^3 / sum R^2 [m] (Frungieri & Vanni, Eq. 24)."""
+        return 2.0 * self.primary_radius * (self._cubed_radii / self._squared_radii)
+
+    # Changes
+
+    def add(self, aggregate: Aggregate, serial: int | None = None, place: int | None = None) -> int:
+        """Put an aggregate at the lowest free place, or at a given free one; returns the place."""
+        if serial is None:
+            serial = self.next_serial
+        self.next_serial = max(self.next_serial, serial + 1)
+        if place is None:
+            place = heapq.heappop(self._free) if self._free else len(self.aggregates)
+        while place >= len(self.aggregates):
+            if len(self.aggregates) == len(self.sizes):
+                self.sizes = np.concatenate([self.sizes, np.zeros_like(self.sizes)])
+                self.outer_radii = np.concatenate([self.outer_radii, np.zeros_like(self.outer_radii)])
+            self.aggregates.append(None)
+            self.serials.append(-1)
+        self.aggregates[place] = aggregate
+        self.serials[place] = serial
+        self._count(place, aggregate, +1)
+        return place
+
+    def _take(self, place: int) -> Aggregate:
+        aggregate = self.at(place)
+        self._count(place, aggregate, -1)
+        self.aggregates[place] = None
+        self.serials[place] = -1
+        return aggregate
+
+    def _count(self, place: int, aggregate: Aggregate, sign: int) -> None:
+        radius = aggregate.outer_radius(self.primary_radius) if sign > 0 else float(self.outer_radii[place])
+        scaled = radius / self.primary_radius
+        self.sizes[place] = aggregate.size if sign > 0 else 0
+        self.outer_radii[place] = radius if sign > 0 else 0.0
+        self.number += sign
+        self.primaries += sign * aggregate.size
+        self._squared_sizes += sign * aggregate.size**2
+        self._squared_radii += sign * round(scaled**2 * FIXED_POINT)
+        self._cubed_radii += sign * round(scaled**3 * FIXED_POINT)
+
+    def replace(
+        self,
+        first: int,
+        second: int,
+        products: Sequence[Aggregate],
+        members: Sequence[NDArray[np.integer]],
+    ) -> tuple[list[Product], list[int]]:
+        """Put the products of an encounter in the place of its parents.
+
+        Parameters
+        ----------
+        first, second : places of the parents
+        products : what left the encounter
+        members : for each product, which primary particles of the first parent followed by the second it holds
+
+        Returns the products as recorded, and the places whose content (a geometry, or none) is another than before.
+        """
+        parents = (self.at(first), self.at(second))
+        split = parents[0].size
+        total = split + parents[1].size
+        if sum(product.size for product in products) != total or not np.array_equal(
+            np.sort(np.concatenate([np.asarray(m) for m in members])), np.arange(total)
+        ):
+            raise ConservationError(
+                f"an encounter of {parents[0].size} + {parents[1].size} primary particles returned "
+                f"{[product.size for product in products]}"
+            )
+        from_first = [int(np.count_nonzero(np.asarray(m) < split)) for m in members]
+        kept: dict[int, int] = {}  # product -> place of the parent whose primaries it holds, all and no other
+        for k, product in enumerate(products):
+            if from_first[k] == product.size == parents[0].size:
+                kept[k] = first
+            elif from_first[k] == 0 and product.size == parents[1].size:
+                kept[k] = second
+
+        before = dict(zip((first, second), parents, strict=True))
+        serial_of = {place: self.serials[place] for place in before}
+        self._take(first)
+        self._take(second)
+        vacated = sorted({first, second} - set(kept.values()))
+        placed = []
+        for k, product in enumerate(products):
+            if k in kept:
+                parent = before[kept[k]]
+                product = parent if _same(product, parent) else product
+                place = self.add(product, serial_of[kept[k]], kept[k])
+            else:
+                place = self.add(product, place=vacated.pop(0) if vacated else None)
+            placed.append(Product(product, self.serials[place], place, from_first[k]))
+        for place in vacated:
+            heapq.heappush(self._free, place)
+        touched = {first, second, *(product.place for product in placed)}
+        return placed, sorted(p for p in touched if self.aggregates[p] is not before.get(p))
+
+    def double(self) -> None:
+        """Add an exact copy of every aggregate and double the volume: concentrations and distribution stay."""
+        before = self.primaries
+        for _, aggregate in list(self):
+            self.add(aggregate)
+        self.volume *= 2.0
+        if self.primaries != 2 * before:
+            raise ConservationError(f"doubling made {self.primaries} primary particles out of {before}")
+
+    @classmethod
+    def restored(
+        cls,
+        primary_radius: float,
+        volume: float,
+        next_serial: int,
+        places: Sequence[int],
+        serials: Sequence[int],
+        aggregates: Sequence[Aggregate],
+    ) -> Population:
+        """The population that a dataset holds."""
+        population = cls(primary_radius, volume, max(16, len(aggregates)))
+        for place, serial, aggregate in zip(places, serials, aggregates, strict=True):
+            population.add(aggregate, int(serial), int(place))
+        population._free = [p for p, aggregate in enumerate(population.aggregates) if aggregate is None]
+        population.next_serial = next_serial
+        return population
+
+
+def _same(one: Aggregate, other: Aggregate) -> bool:
+    return one is other or (
+        np.array_equal(one.positions, other.positions) and np.array_equal(one.bonds, other.bonds)
+    )

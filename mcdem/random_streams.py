@@ -1,0 +1,33 @@
+"""Random numbers by name: every draw of a run is a function of the seed, its purpose and its place in the process.
+
+The streams are counter-based (Philox 4x64-10: Salmon, Moraes, Dror & Shaw, SC'11, 2011), so that any of them can be
+opened at any place without drawing what comes before.  That is what lets an encounter be computed early, late, twice
+or on another machine, and still be the same encounter.
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+from numpy.random import Generator, Philox
+
+from mcdem.errors import UserError
+
+LARGEST_SEED = 2**63 - 1
+"""Seeds are stored as signed 64-bit integers."""
+
+
+def stream(seed: int, purpose: str, *place: int) -> Generator:
+    """The generator of `purpose` at `place` (up to three non-negative integers) in the run of `seed`.
+
+    Streams of different seed, purpose or place never overlap: seed and purpose are the key of Philox, the place is the
+    upper three words of its counter, and the lowest word counts the draws.
+    """
+    if not 0 <= seed <= LARGEST_SEED:
+        raise UserError(f"seed = {seed}: expected an integer from 0 to {LARGEST_SEED}")
+    purpose_word = int.from_bytes(hashlib.blake2b(purpose.encode(), digest_size=8).digest(), "little")
+    key = np.array([seed, purpose_word], dtype=np.uint64)
+    counter = np.zeros(4, dtype=np.uint64)
+    counter[1 : 1 + len(place)] = place
+    return Generator(Philox(key=key, counter=counter))

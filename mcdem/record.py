@@ -1,0 +1,583 @@
+"""The dataset of a run: one NetCDF file, plain for `xarray.open_dataset` (series) and `xarray.open_datatree` (all).
+
+Layout (every variable carries `units` and `long_name`; ragged rows are CF contiguous ragged arrays)
+
+    /            one row at the start and one after each encounter: number of aggregates, volume, <P>, sigma_P, d32
+    /events      one row per encounter: when, which parents, offset, outcome, products (ragged), times, tension, cost
+    /snapshots   geometry of every aggregate at the start, at each multiple of `run.snapshot_every`, and at the end
+    /kept        geometry of the parents of chosen encounters, by default those left unresolved, with the reason
+    /checkpoint  what else it takes to continue bit for bit: places, serial numbers, clocks
+
+The file is always whole: it is made in memory, written beside its place, and moved there in one step.  The geometry of
+the last snapshot is the state from which a run is resumed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import json
+import os
+import platform
+import shlex
+import socket
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import netCDF4
+import numpy as np
+
+from mcdem.aggregate import Aggregate
+from mcdem.encounter import OUTCOMES
+from mcdem.errors import DataFileError
+from mcdem.pair_selection import Meeting
+from mcdem.population import Population, Product
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mcdem.encounter import EncounterResult
+    from mcdem.scene import Scene
+
+TITLE = "mcdem run: shear aggregation and breakup of colloidal aggregates"
+FORMAT = 1
+"""Version of the layout."""
+
+TIMING = ("cpu_time",)
+"""Variables that measure the machine, not the suspension."""
+ORIGIN_OF_THE_WRITING = ("command", "date_modified", "software", "computed_in_vain")
+"""Attributes that may differ between two datasets of the same process."""
+
+
+class Variable(NamedTuple):
+    """A column of a table: how it is stored and what it means."""
+
+    dtype: str
+    units: str
+    long_name: str
+    shape: tuple[tuple[str, int], ...] = ()
+    """Dimensions beyond the row, (name, length) each."""
+    attributes: tuple[tuple[str, Any], ...] = ()
+
+
+PARENT = (("parent", 2),)
+FLAGS = (
+    ("flag_values", np.arange(len(OUTCOMES), dtype=np.int8)),
+    ("flag_meanings", " ".join(OUTCOMES)),
+)
+
+SERIES = {
+    "time": Variable("f8", "s", "process time"),
+    "number_of_aggregates": Variable("i8", "1", "number of aggregates in the sample volume"),
+    "volume": Variable("f8", "m3", "sample volume"),
+    "mean_size": Variable("f8", "1", "mean number of primary particles per aggregate, <P>"),
+    "size_deviation": Variable("f8", "1", "standard deviation of the number of primary particles, sigma_P"),
+    "sauter_diameter": Variable("f8", "m", "Sauter diameter, d32"),
+}
+EVENTS = {
+    "time": Variable("f8", "s", "process time of the encounter"),
+    "parent_serial": Variable("i8", "1", "serial number of each parent", PARENT),
+    "parent_size": Variable("i8", "1", "primary particles of each parent", PARENT),
+    "parent_outer_radius": Variable("f8", "m", "outer radius R of each parent", PARENT),
+    "parent_bonds": Variable("i8", "1", "contacts within each parent", PARENT),
+    "offset": Variable(
+        "f8", "m", "offset (x0, y0) of the second parent in the cross section", (("cross_section", 2),)
+    ),
+    "outcome": Variable("i1", "1", "outcome of the encounter", (), FLAGS),
+    "contact": Variable("i1", "1", "whether the parents touched"),
+    "number_of_products": Variable(
+        "i8", "1", "aggregates that left the encounter", (), (("sample_dimension", "product"),)
+    ),
+    "simulated_time": Variable("f8", "s", "time simulated within the encounter"),
+    "first_contact_time": Variable("f8", "s", "time within the encounter of the first contact of the parents"),
+    "last_bond_change_time": Variable("f8", "s", "time within the encounter of the last contact made or lost"),
+    "largest_tension": Variable("f8", "N", "largest tension of a contact"),
+    "smallest_gap": Variable("f8", "m", "smallest gap between the parents' primary particles"),
+    "steps": Variable("i8", "1", "time steps of the encounter"),
+    "cpu_time": Variable("f8", "s", "processor time of the encounter"),
+    "epoch": Variable("i8", "1", "epoch of the encounter's random stream"),
+    "stream_number": Variable("i8", "1", "number of the encounter's random stream within its epoch"),
+}
+PRODUCTS = {
+    "product_serial": Variable("i8", "1", "serial number of each product"),
+    "product_size": Variable("i8", "1", "primary particles of each product"),
+    "product_from_first": Variable("i8", "1", "primary particles of each product that came from the first parent"),
+    "product_outer_radius": Variable("f8", "m", "outer radius R of each product"),
+    "product_bonds": Variable("i8", "1", "contacts within each product"),
+}
+SNAPSHOTS = {
+    "time": Variable("f8", "s", "process time of the snapshot"),
+    "volume": Variable("f8", "m3", "sample volume"),
+    "number_of_aggregates": Variable(
+        "i8", "1", "aggregates in the snapshot", (), (("sample_dimension", "aggregate"),)
+    ),
+}
+AGGREGATES = {
+    "serial": Variable("i8", "1", "serial number of the aggregate"),
+    "size": Variable("i8", "1", "primary particles of the aggregate", (), (("sample_dimension", "primary"),)),
+    "number_of_bonds": Variable("i8", "1", "contacts of the aggregate", (), (("sample_dimension", "bond"),)),
+    "outer_radius": Variable("f8", "m", "outer radius R"),
+}
+PRIMARIES = {
+    "position": Variable("f8", "m", "centre of each primary particle about the centre of mass", (("axis", 3),)),
+}
+BONDS = {
+    "bond": Variable(
+        "i4", "1", "primary particles in contact, numbered within their aggregate", (("end", 2),)
+    ),
+}
+KEPT = {
+    "event": Variable("i8", "1", "row of /events"),
+    "reason": Variable("str", "1", "why the encounter is unresolved; empty if it is not"),
+}
+
+
+class Table:
+    """Rows of named columns that grow at the end."""
+
+    def __init__(self, variables: dict[str, Variable], rows: int = 64) -> None:
+        self.variables = variables
+        self.rows = 0
+        self._columns: dict[str, NDArray[Any]] = {
+            name: np.zeros((rows, *(n for _, n in v.shape)), dtype=object if v.dtype == "str" else v.dtype)
+            for name, v in variables.items()
+        }
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self._columns[name][: self.rows]
+
+    def append(self, **row: Any) -> None:
+        self.extend(1, **row)
+
+    def extend(self, count: int, **columns: Any) -> None:
+        """Add `count` rows; each value broadcasts to them."""
+        end = self.rows + count
+        for name in self.variables:
+            column = self._columns[name]
+            if end > len(column):
+                grown = np.zeros((max(end, 2 * len(column)), *column.shape[1:]), dtype=column.dtype)
+                grown[: self.rows] = column[: self.rows]
+                self._columns[name] = column = grown
+            column[self.rows : end] = columns[name]
+        self.rows = end
+
+    def cut(self, rows: int) -> None:
+        """Keep the first `rows` rows."""
+        self.rows = rows
+
+
+class Geometries:
+    """Aggregates one after the other, each with its primaries and bonds."""
+
+    def __init__(self) -> None:
+        self.aggregates = Table(AGGREGATES)
+        self.primaries = Table(PRIMARIES)
+        self.bonds = Table(BONDS)
+
+    def extend(
+        self, aggregates: Sequence[Aggregate], serials: Sequence[int], outer_radii: Sequence[float]
+    ) -> None:
+        positions = np.concatenate([aggregate.positions for aggregate in aggregates])
+        bonds = np.concatenate([aggregate.bonds for aggregate in aggregates])
+        self.aggregates.extend(
+            len(aggregates),
+            serial=serials,
+            size=[aggregate.size for aggregate in aggregates],
+            number_of_bonds=[len(aggregate.bonds) for aggregate in aggregates],
+            outer_radius=outer_radii,
+        )
+        self.primaries.extend(len(positions), position=positions)
+        self.bonds.extend(len(bonds), bond=bonds)
+
+    def since(self, row: int) -> list[Aggregate]:
+        """The aggregates from the given row to the last."""
+        sizes, bonds = self.aggregates["size"][row:], self.aggregates["number_of_bonds"][row:]
+        positions = self.primaries["position"][self.primaries.rows - sizes.sum() :]
+        pairs = self.bonds["bond"][self.bonds.rows - bonds.sum() :]
+        return [
+            Aggregate(p.copy(), b.copy())
+            for p, b in zip(
+                np.split(positions, np.cumsum(sizes)[:-1]), np.split(pairs, np.cumsum(bonds)[:-1]), strict=True
+            )
+        ]
+
+    def cut(self, row: int) -> None:
+        """Remove the aggregates from the given row to the last."""
+        self.primaries.cut(self.primaries.rows - self.aggregates["size"][row:].sum())
+        self.bonds.cut(self.bonds.rows - self.aggregates["number_of_bonds"][row:].sum())
+        self.aggregates.cut(row)
+
+    @property
+    def tables(self) -> dict[str, Table]:
+        return {"aggregate": self.aggregates, "primary": self.primaries, "bond": self.bonds}
+
+
+class Snapshots:
+    """Populations at chosen times."""
+
+    def __init__(self) -> None:
+        self.times = Table(SNAPSHOTS)
+        self.geometries = Geometries()
+
+    def append(self, time: float, population: Population) -> None:
+        self.times.append(time=time, volume=population.volume, number_of_aggregates=population.number)
+        places, aggregates = zip(*population, strict=True)
+        self.geometries.extend(
+            aggregates, [population.serials[place] for place in places], population.outer_radii[list(places)]
+        )
+
+    @property
+    def _last(self) -> int:
+        """First row of the last snapshot's aggregates."""
+        return self.geometries.aggregates.rows - int(self.times["number_of_aggregates"][-1])
+
+    def last(self) -> tuple[float, float, list[int], list[Aggregate]]:
+        """Time [s], volume [m^3], serial numbers and aggregates of the last."""
+        return (
+            float(self.times["time"][-1]),
+            float(self.times["volume"][-1]),
+            self.geometries.aggregates["serial"][self._last :].tolist(),
+            self.geometries.since(self._last),
+        )
+
+    def drop_last(self) -> None:
+        self.geometries.cut(self._last)
+        self.times.cut(self.times.rows - 1)
+
+
+@dataclass
+class Record:
+    """All that a run keeps, in memory; `write` makes the file."""
+
+    scene: Scene
+    seed: int
+    keep_parents: tuple[str, ...] = ("unresolved",)
+    """Outcomes for which the parents' geometry is kept."""
+    series: Table = field(default_factory=lambda: Table(SERIES))
+    events: Table = field(default_factory=lambda: Table(EVENTS))
+    products: Table = field(default_factory=lambda: Table(PRODUCTS))
+    snapshots: Snapshots = field(default_factory=Snapshots)
+    kept: Table = field(default_factory=lambda: Table(KEPT))
+    kept_parents: Geometries = field(default_factory=Geometries)
+
+    def sample(self, time: float, population: Population) -> None:
+        """Append to the series."""
+        self.series.append(
+            time=time,
+            number_of_aggregates=population.number,
+            volume=population.volume,
+            mean_size=population.mean_size,
+            size_deviation=population.size_deviation,
+            sauter_diameter=population.sauter_diameter,
+        )
+
+    def encounter(
+        self,
+        meeting: Meeting,
+        parents: Sequence[tuple[int, Aggregate]],
+        result: EncounterResult,
+        products: Sequence[Product],
+        primary_radius: float,
+    ) -> None:
+        """Append an event; `parents` are (serial, aggregate) before it, `products` what the population holds after."""
+        if result.outcome in self.keep_parents:
+            self.kept.append(event=self.events.rows, reason=result.reason)
+            self.kept_parents.extend(
+                [aggregate for _, aggregate in parents],
+                [serial for serial, _ in parents],
+                [aggregate.outer_radius(primary_radius) for _, aggregate in parents],
+            )
+        self.events.append(
+            time=meeting.time,
+            parent_serial=[serial for serial, _ in parents],
+            parent_size=[aggregate.size for _, aggregate in parents],
+            parent_outer_radius=[aggregate.outer_radius(primary_radius) for _, aggregate in parents],
+            parent_bonds=[len(aggregate.bonds) for _, aggregate in parents],
+            offset=result.offset,
+            outcome=OUTCOMES.index(result.outcome),
+            contact=result.contact,
+            number_of_products=len(products),
+            simulated_time=result.simulated_time,
+            first_contact_time=result.first_contact_time,
+            last_bond_change_time=result.last_bond_change_time,
+            largest_tension=result.largest_tension,
+            smallest_gap=result.smallest_gap,
+            steps=result.steps,
+            cpu_time=result.cpu_time,
+            epoch=meeting.epoch,
+            stream_number=meeting.number,
+        )
+        for product in products:
+            self.products.append(
+                product_serial=product.serial,
+                product_size=product.aggregate.size,
+                product_from_first=product.from_first,
+                product_outer_radius=product.aggregate.outer_radius(primary_radius),
+                product_bonds=len(product.aggregate.bonds),
+            )
+
+    @property
+    def outcomes(self) -> dict[str, int]:
+        """How often each outcome occurred."""
+        counts = np.bincount(self.events["outcome"].astype(np.int64), minlength=len(OUTCOMES))
+        return dict(zip(OUTCOMES, counts.tolist(), strict=True))
+
+    # To the file
+
+    def write(
+        self, path: Path, time: float, population: Population, clocks: dict[str, Any], computed_in_vain: int
+    ) -> None:
+        """Replace the file at `path` by one that holds everything until `time` [s]; all or nothing."""
+        self.snapshots.append(time, population)
+        try:
+            image = self._image(population, clocks, computed_in_vain)
+        finally:
+            self.snapshots.drop_last()
+        replace_file(path, image)
+
+    def _image(self, population: Population, clocks: dict[str, Any], computed_in_vain: int) -> memoryview:
+        file = netCDF4.Dataset("run.nc", "w", memory=1 << 20)
+        file.setncatts(
+            {
+                "title": TITLE,
+                "Conventions": "CF-1.11",
+                "format": FORMAT,
+                "scene": self.scene.text,
+                "scene_name": self.scene.name,
+                "seed": np.int64(self.seed),
+                "keep_parents": " ".join(self.keep_parents),
+                "primary_radius": self.scene.suspension.radius,
+                "software": software(),
+                "command": shlex.join(sys.argv),
+                "date_modified": datetime.now(UTC).isoformat(timespec="seconds"),
+                "computed_in_vain": computed_in_vain,
+            }
+        )
+        _put(file, {"time": self.series})
+        _put(file.createGroup("events"), {"event": self.events, "product": self.products})
+        _put(
+            file.createGroup("snapshots"),
+            {"snapshot": self.snapshots.times, **self.snapshots.geometries.tables},
+        )
+        _put(file.createGroup("kept"), {"kept": self.kept, **self.kept_parents.tables})
+        state = {
+            "place": np.array([place for place, _ in population], dtype=np.int64),
+            "next_serial": population.next_serial,
+            **clocks,
+        }
+        _put_state(file.createGroup("checkpoint"), state)
+        return file.close()
+
+    # From the file
+
+    @classmethod
+    def read(cls, path: Path, scene: Scene) -> tuple[Record, float, Population, dict[str, Any]]:
+        """What `write` wrote: the record, the time [s], the population and the state of the clocks."""
+        with opened(path) as file:
+            record = cls(scene, int(file.seed), tuple(str(file.keep_parents).split()))
+            _get(file, {"time": record.series})
+            _get(file["events"], {"event": record.events, "product": record.products})
+            _get(
+                file["snapshots"],
+                {"snapshot": record.snapshots.times, **record.snapshots.geometries.tables},
+            )
+            _get(file["kept"], {"kept": record.kept, **record.kept_parents.tables})
+            state = {name: v[...] for name, v in file["checkpoint"].variables.items()}
+        time, volume, serials, aggregates = record.snapshots.last()
+        record.snapshots.drop_last()
+        population = Population.restored(
+            scene.suspension.radius,
+            volume,
+            int(state.pop("next_serial")),
+            state.pop("place").tolist(),
+            serials,
+            aggregates,
+        )
+        return record, time, population, state
+
+
+def _put(group: netCDF4.Dataset, tables: dict[str, Table]) -> None:
+    for row, table in tables.items():
+        group.createDimension(row, table.rows)
+        for name, variable in table.variables.items():
+            for dimension, length in variable.shape:
+                if dimension not in group.dimensions:
+                    group.createDimension(dimension, length)
+            dimensions = (row, *(dimension for dimension, _ in variable.shape))
+            dtype = str if variable.dtype == "str" else variable.dtype
+            stored = group.createVariable(name, dtype, dimensions)
+            stored.setncatts(
+                {"units": variable.units, "long_name": variable.long_name, **dict(variable.attributes)}
+            )
+            stored[:] = table[name]
+
+
+def _get(group: netCDF4.Dataset, tables: dict[str, Table]) -> None:
+    group.set_auto_mask(False)
+    for row, table in tables.items():
+        rows = len(group.dimensions[row])
+        table.extend(rows, **{name: group[name][:] for name in table.variables})
+
+
+def _put_state(group: netCDF4.Dataset, state: dict[str, Any]) -> None:
+    meaning = {"block_time": "s", "time": "s"}
+    for name, value in state.items():
+        array = np.asarray(value)
+        dimensions = ()
+        if array.ndim:
+            group.createDimension(name, len(array))
+            dimensions = (name,)
+        stored = group.createVariable(name, array.dtype, dimensions)
+        stored.setncatts(
+            {"units": meaning.get(name, "1"), "long_name": f"{name.replace('_', ' ')}, to resume from"}
+        )
+        stored[...] = array
+
+
+def software() -> str:
+    """The versions that can change a number."""
+    packages = []
+    for name in ("pbekit", "numpy", "scipy", "numba"):
+        with contextlib.suppress(PackageNotFoundError):
+            packages.append(f"{name} {version(name)}")
+    return ", ".join([*packages, f"python {platform.python_version()}", platform.platform()])
+
+
+def replace_file(path: Path, content: bytes | memoryview) -> None:
+    """Make `content` the file at `path` in one step that survives a crash; on failure what was there stays."""
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        with open(beside, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(beside, path)
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+    except OSError as problem:
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
+        cure = (
+            "free some space" if problem.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG) else "check the folder"
+        )
+        kept = "; what it held before is intact" if path.exists() else ""
+        raise DataFileError(
+            f"{path}: cannot be written ({problem.strerror}){kept}: {cure}, then continue with --resume"
+        ) from problem
+
+
+@contextlib.contextmanager
+def opened(path: Path) -> Iterator[netCDF4.Dataset]:
+    """The dataset at `path`, for reading; raises `DataFileError` if it is not one of ours or not whole."""
+    try:
+        file = netCDF4.Dataset(path)
+    except FileNotFoundError:
+        raise DataFileError(f"{path}: no such file; expected a dataset written by `mcdem run`") from None
+    except OSError as problem:
+        reason = problem.strerror or str(problem)
+        raise DataFileError(
+            f"{path}: cannot be read as NetCDF ({reason}); expected a dataset written by `mcdem run`, "
+            "this one is truncated or of another kind"
+        ) from None
+    with file:
+        if getattr(file, "title", None) != TITLE:
+            raise DataFileError(f"{path}: a NetCDF file, but not a dataset written by `mcdem run`")
+        if file.format != FORMAT:
+            raise DataFileError(
+                f"{path}: layout {file.format}, expected {FORMAT}; it was written by another version ({file.software})"
+            )
+        yield file
+
+
+@contextlib.contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold the right to write `path`; a second run that asks for it is refused.
+
+    The system frees the lock when its holder ends in whatever way, so that no lock is ever stale.
+    """
+    lock = path.with_name(f".{path.name}.lock")
+    try:
+        file = os.open(lock, os.O_RDWR | os.O_CREAT, 0o644)
+    except OSError as problem:
+        raise DataFileError(
+            f"{path}: cannot be written ({problem.strerror}); expected a folder that exists and can be written"
+        ) from problem
+    try:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as problem:
+            if problem.errno not in (errno.EACCES, errno.EAGAIN):
+                raise DataFileError(f"{path}: its folder's file system has no locks ({problem.strerror})") from problem
+            holder = os.read(file, 1000).decode(errors="replace")
+            with contextlib.suppress(ValueError, KeyError):
+                known = json.loads(holder)
+                holder = f"process {known['process']} on {known['host']}, since {known['since']}"
+            raise DataFileError(
+                f"{path}: another run is writing it ({holder or 'just started'}); wait for its end or choose another file"
+            ) from None
+        holder = json.dumps(
+            {
+                "process": os.getpid(),
+                "host": socket.gethostname(),
+                "since": datetime.now(UTC).isoformat(timespec="seconds"),
+            }
+        )
+        os.ftruncate(file, 0)
+        os.write(file, holder.encode())
+        yield
+    finally:
+        os.close(file)
+
+
+def differences(one: Path | str, other: Path | str) -> list[str]:
+    """What distinguishes two datasets bit by bit, the machine's timing and the origin of the writing aside."""
+    with opened(Path(one)) as a, opened(Path(other)) as b:
+        return list(_differences(a, b, ""))
+
+
+def identical(one: Path | str, other: Path | str) -> bool:
+    """Whether two datasets tell the same process, bit for bit."""
+    return not differences(one, other)
+
+
+def _differences(a: netCDF4.Dataset, b: netCDF4.Dataset, where: str) -> Iterator[str]:
+    def attributes(node: Any) -> dict[str, Any]:
+        return {n: np.asarray(node.getncattr(n)) for n in node.ncattrs() if n not in ORIGIN_OF_THE_WRITING}
+
+    def compare(kind: str, x: dict[str, Any], y: dict[str, Any]) -> Iterator[str]:
+        for name in sorted(x.keys() | y.keys()):
+            if name not in x or name not in y:
+                yield f"{where}/{name}: {kind} of one only"
+            elif x[name].dtype != y[name].dtype or x[name].shape != y[name].shape:
+                yield f"{where}/{name}: {x[name].dtype}{x[name].shape} and {y[name].dtype}{y[name].shape}"
+            elif not _bits_equal(x[name], y[name]):
+                yield f"{where}/{name}: values"
+
+    for node in (a, b):
+        node.set_auto_maskandscale(False)
+    yield from compare("attribute", attributes(a), attributes(b))
+    yield from compare(
+        "variable",
+        {n: v[...] for n, v in a.variables.items() if n not in TIMING},
+        {n: v[...] for n, v in b.variables.items() if n not in TIMING},
+    )
+    for name in sorted(a.groups.keys() | b.groups.keys()):
+        if name not in a.groups or name not in b.groups:
+            yield f"{where}/{name}: group of one only"
+        else:
+            yield from _differences(a[name], b[name], f"{where}/{name}")
+
+
+def _bits_equal(x: NDArray[Any], y: NDArray[Any]) -> bool:
+    if x.dtype == object:
+        return x.tolist() == y.tolist()
+    return np.ascontiguousarray(x).tobytes() == np.ascontiguousarray(y).tobytes()
