@@ -57,16 +57,15 @@ def opened(kind: str = "process", workers: int | None = None, scheduler: str | N
     with contextlib.ExitStack() as stack:
         if kind == "process":
             workers = workers or os.cpu_count() or 1
-            executor = stack.enter_context(local_processes(workers)) if workers > 1 else Here()
+            yield Crew(stack.enter_context(local_processes(workers)) if workers > 1 else Here(), workers)
         elif kind == "mpi":
-            executor, found = stack.enter_context(_mpi())
-            workers = workers or found
+            crew = stack.enter_context(_mpi())
+            yield Crew(crew.executor, workers or crew.workers)
         elif kind == "dask":
-            executor, found = stack.enter_context(_dask(scheduler))
-            workers = workers or found
+            crew = stack.enter_context(_dask(scheduler))
+            yield Crew(crew.executor, workers or crew.workers)
         else:
             raise UserError(f'executor = "{kind}": expected one of {", ".join(KINDS)}')
-        yield Crew(executor, workers)
 
 
 @contextlib.contextmanager
@@ -95,12 +94,14 @@ def _stay_with_parent() -> None:
 
 
 @contextlib.contextmanager
-def _mpi() -> Iterator[tuple[Executor, int]]:
+def _mpi() -> Iterator[Crew]:
     try:
         from mpi4py import MPI
         from mpi4py.futures import MPIPoolExecutor
     except ImportError as problem:
-        raise UserError(f'executor = "mpi": mpi4py cannot be loaded ({problem}); pip install mpi4py') from None
+        raise UserError(
+            f'executor = "mpi": mpi4py cannot be loaded ({problem}); pip install mpi4py'
+        ) from None
     ranks = MPI.COMM_WORLD.Get_size()
     if ranks < 2:
         raise UserError(
@@ -108,11 +109,11 @@ def _mpi() -> Iterator[tuple[Executor, int]]:
             "start with: mpiexec -n 3 python -m mpi4py.futures -m mcdem ..."
         )
     with MPIPoolExecutor() as executor:
-        yield executor, ranks - 1
+        yield Crew(executor, ranks - 1)
 
 
 @contextlib.contextmanager
-def _dask(scheduler: str | None) -> Iterator[tuple[Executor, int]]:
+def _dask(scheduler: str | None) -> Iterator[Crew]:
     try:
         from distributed import Client
     except ImportError as problem:
@@ -120,7 +121,9 @@ def _dask(scheduler: str | None) -> Iterator[tuple[Executor, int]]:
             f'executor = "dask": distributed cannot be loaded ({problem}); pip install distributed'
         ) from None
     if scheduler is None:
-        raise UserError('executor = "dask": give the address of its scheduler, e.g. --scheduler tcp://host:8786')
+        raise UserError(
+            'executor = "dask": give the address of its scheduler, e.g. --scheduler tcp://host:8786'
+        )
     try:
         client = Client(scheduler, timeout="10s")
     except (OSError, ValueError) as problem:
@@ -128,8 +131,10 @@ def _dask(scheduler: str | None) -> Iterator[tuple[Executor, int]]:
     with client:
         workers = sum(client.ncores().values())
         if not workers:
-            raise UserError(f'scheduler = "{scheduler}": has no workers; start some with: dask worker {scheduler}')
-        yield client.get_executor(), workers
+            raise UserError(
+                f'scheduler = "{scheduler}": has no workers; start some with: dask worker {scheduler}'
+            )
+        yield Crew(client.get_executor(), workers)
 
 
 def width(executor: Executor) -> int:
@@ -149,7 +154,9 @@ Encounter = Callable[..., "EncounterResult"]
 """`simulate_encounter`, or what stands for it: (scene, first, second, seed=generator) -> result."""
 
 
-def computation(scene: Scene, encounter: Encounter, seed: int, executor: Executor) -> Callable[..., EncounterResult]:
+def computation(
+    scene: Scene, encounter: Encounter, seed: int, executor: Executor
+) -> Callable[..., EncounterResult]:
     """The function (first, second, epoch, number) -> result, in a form fit for the executor."""
     if isinstance(executor, Here):
         return partial(_compute, scene, encounter, seed)
@@ -157,7 +164,13 @@ def computation(scene: Scene, encounter: Encounter, seed: int, executor: Executo
 
 
 def _compute(
-    scene: Scene, encounter: Encounter, seed: int, first: Aggregate, second: Aggregate, epoch: int, number: int
+    scene: Scene,
+    encounter: Encounter,
+    seed: int,
+    first: Aggregate,
+    second: Aggregate,
+    epoch: int,
+    number: int,
 ) -> EncounterResult:
     return encounter(scene, first, second, seed=stream(seed, "encounter", epoch, number))
 

@@ -71,7 +71,11 @@ class Foresight:
         for position, meeting in enumerate(meetings):
             key = (meeting.epoch, meeting.number)
             places = {meeting.first, meeting.second}
-            if key not in self._ahead and not places & touched and (unfinished < self._queue or position == 0):
+            if (
+                key not in self._ahead
+                and not places & touched
+                and (unfinished < self._queue or position == 0)
+            ):
                 first, second = population.at(meeting.first), population.at(meeting.second)
                 future = self._executor.submit(self._compute, first, second, meeting.epoch, meeting.number)
                 self._ahead[key] = Ahead(first, second, future)

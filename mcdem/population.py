@@ -83,7 +83,9 @@ class Population:
 
     def __iter__(self) -> Iterator[tuple[int, Aggregate]]:
         """(place, aggregate) of each occupied place, in order."""
-        return ((place, aggregate) for place, aggregate in enumerate(self.aggregates) if aggregate is not None)
+        return (
+            (place, aggregate) for place, aggregate in enumerate(self.aggregates) if aggregate is not None
+        )
 
     def at(self, place: int) -> Aggregate:
         aggregate = self.aggregates[place]

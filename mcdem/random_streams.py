@@ -19,7 +19,9 @@ LARGEST_SEED = 2**63 - 1
 
 
 def stream(seed: int, purpose: str, *place: int) -> Generator:
-    """The generator of `purpose` at `place` (up to three non-negative integers) in the run of `seed`.
+    """The generator of `purpose` at `place` in the run of `seed`.
+
+    place : up to three non-negative integers, for one purpose always as many
 
     Streams of different seed, purpose or place never overlap: seed and purpose are the key of Philox, the place is the
     upper three words of its counter, and the lowest word counts the draws.

@@ -21,9 +21,10 @@ import json
 import os
 import platform
 import shlex
+import shutil
 import socket
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -40,7 +41,7 @@ from mcdem.pair_selection import Meeting
 from mcdem.population import Population, Product
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from mcdem.encounter import EncounterResult
     from mcdem.scene import Scene
@@ -72,13 +73,15 @@ FLAGS = (
     ("flag_meanings", " ".join(OUTCOMES)),
 )
 
+OVER_TIME = (("coordinates", "time"),)
+
 SERIES = {
     "time": Variable("f8", "s", "process time"),
-    "number_of_aggregates": Variable("i8", "1", "number of aggregates in the sample volume"),
-    "volume": Variable("f8", "m3", "sample volume"),
-    "mean_size": Variable("f8", "1", "mean number of primary particles per aggregate, <P>"),
-    "size_deviation": Variable("f8", "1", "standard deviation of the number of primary particles, sigma_P"),
-    "sauter_diameter": Variable("f8", "m", "Sauter diameter, d32"),
+    "number_of_aggregates": Variable("i8", "1", "number of aggregates in the sample volume", (), OVER_TIME),
+    "volume": Variable("f8", "m3", "sample volume", (), OVER_TIME),
+    "mean_size": Variable("f8", "1", "mean number of primary particles per aggregate, <P>", (), OVER_TIME),
+    "size_deviation": Variable("f8", "1", "standard deviation of that number, sigma_P", (), OVER_TIME),
+    "sauter_diameter": Variable("f8", "m", "Sauter diameter, d32", (), OVER_TIME),
 }
 EVENTS = {
     "time": Variable("f8", "s", "process time of the encounter"),
@@ -95,11 +98,17 @@ EVENTS = {
         "i8", "1", "aggregates that left the encounter", (), (("sample_dimension", "product"),)
     ),
     "simulated_time": Variable("f8", "s", "time simulated within the encounter"),
-    "first_contact_time": Variable("f8", "s", "time within the encounter of the first contact of the parents"),
-    "last_bond_change_time": Variable("f8", "s", "time within the encounter of the last contact made or lost"),
+    "first_contact_time": Variable(
+        "f8", "s", "time within the encounter of the first contact of the parents"
+    ),
+    "last_bond_change_time": Variable(
+        "f8", "s", "time within the encounter of the last contact made or lost"
+    ),
     "largest_tension": Variable("f8", "N", "largest tension of a contact"),
     "smallest_gap": Variable("f8", "m", "smallest gap between the parents' primary particles"),
+    "first_bond_loss_time": Variable("f8", "s", "time within the encounter of the first contact lost"),
     "steps": Variable("i8", "1", "time steps of the encounter"),
+    "solves": Variable("i8", "1", "evaluations of the hydrodynamics within the encounter"),
     "cpu_time": Variable("f8", "s", "processor time of the encounter"),
     "epoch": Variable("i8", "1", "epoch of the encounter's random stream"),
     "stream_number": Variable("i8", "1", "number of the encounter's random stream within its epoch"),
@@ -107,7 +116,9 @@ EVENTS = {
 PRODUCTS = {
     "product_serial": Variable("i8", "1", "serial number of each product"),
     "product_size": Variable("i8", "1", "primary particles of each product"),
-    "product_from_first": Variable("i8", "1", "primary particles of each product that came from the first parent"),
+    "product_from_first": Variable(
+        "i8", "1", "primary particles of each product that came from the first parent"
+    ),
     "product_outer_radius": Variable("f8", "m", "outer radius R of each product"),
     "product_bonds": Variable("i8", "1", "contacts within each product"),
 }
@@ -121,11 +132,15 @@ SNAPSHOTS = {
 AGGREGATES = {
     "serial": Variable("i8", "1", "serial number of the aggregate"),
     "size": Variable("i8", "1", "primary particles of the aggregate", (), (("sample_dimension", "primary"),)),
-    "number_of_bonds": Variable("i8", "1", "contacts of the aggregate", (), (("sample_dimension", "bond"),)),
+    "number_of_bonds": Variable(
+        "i8", "1", "contacts of the aggregate", (), (("sample_dimension", "contact"),)
+    ),
     "outer_radius": Variable("f8", "m", "outer radius R"),
 }
 PRIMARIES = {
-    "position": Variable("f8", "m", "centre of each primary particle about the centre of mass", (("axis", 3),)),
+    "position": Variable(
+        "f8", "m", "centre of each primary particle about the centre of mass", (("axis", 3),)
+    ),
 }
 BONDS = {
     "bond": Variable(
@@ -180,9 +195,7 @@ class Geometries:
         self.primaries = Table(PRIMARIES)
         self.bonds = Table(BONDS)
 
-    def extend(
-        self, aggregates: Sequence[Aggregate], serials: Sequence[int], outer_radii: Sequence[float]
-    ) -> None:
+    def extend(self, aggregates: Sequence[Aggregate], serials: Sequence[int], outer_radii: ArrayLike) -> None:
         positions = np.concatenate([aggregate.positions for aggregate in aggregates])
         bonds = np.concatenate([aggregate.bonds for aggregate in aggregates])
         self.aggregates.extend(
@@ -203,7 +216,9 @@ class Geometries:
         return [
             Aggregate(p.copy(), b.copy())
             for p, b in zip(
-                np.split(positions, np.cumsum(sizes)[:-1]), np.split(pairs, np.cumsum(bonds)[:-1]), strict=True
+                np.split(positions, np.cumsum(sizes)[:-1]),
+                np.split(pairs, np.cumsum(bonds)[:-1]),
+                strict=True,
             )
         ]
 
@@ -215,7 +230,7 @@ class Geometries:
 
     @property
     def tables(self) -> dict[str, Table]:
-        return {"aggregate": self.aggregates, "primary": self.primaries, "bond": self.bonds}
+        return {"aggregate": self.aggregates, "primary": self.primaries, "contact": self.bonds}
 
 
 class Snapshots:
@@ -308,7 +323,9 @@ class Record:
             last_bond_change_time=result.last_bond_change_time,
             largest_tension=result.largest_tension,
             smallest_gap=result.smallest_gap,
+            first_bond_loss_time=result.first_bond_loss_time,
             steps=result.steps,
+            solves=result.solves,
             cpu_time=result.cpu_time,
             epoch=meeting.epoch,
             stream_number=meeting.number,
@@ -336,13 +353,14 @@ class Record:
         """Replace the file at `path` by one that holds everything until `time` [s]; all or nothing."""
         self.snapshots.append(time, population)
         try:
-            image = self._image(population, clocks, computed_in_vain)
+            with replacing(path) as file:
+                self._fill(file, population, clocks, computed_in_vain)
         finally:
             self.snapshots.drop_last()
-        replace_file(path, image)
 
-    def _image(self, population: Population, clocks: dict[str, Any], computed_in_vain: int) -> memoryview:
-        file = netCDF4.Dataset("run.nc", "w", memory=1 << 20)
+    def _fill(
+        self, file: netCDF4.Dataset, population: Population, clocks: dict[str, Any], computed_in_vain: int
+    ) -> None:
         file.setncatts(
             {
                 "title": TITLE,
@@ -359,7 +377,7 @@ class Record:
                 "computed_in_vain": computed_in_vain,
             }
         )
-        _put(file, {"time": self.series})
+        _put(file, {"row": self.series})
         _put(file.createGroup("events"), {"event": self.events, "product": self.products})
         _put(
             file.createGroup("snapshots"),
@@ -372,7 +390,6 @@ class Record:
             **clocks,
         }
         _put_state(file.createGroup("checkpoint"), state)
-        return file.close()
 
     # From the file
 
@@ -380,8 +397,9 @@ class Record:
     def read(cls, path: Path, scene: Scene) -> tuple[Record, float, Population, dict[str, Any]]:
         """What `write` wrote: the record, the time [s], the population and the state of the clocks."""
         with opened(path) as file:
+            _refuse_another_scene(path, str(file.scene), scene)
             record = cls(scene, int(file.seed), tuple(str(file.keep_parents).split()))
-            _get(file, {"time": record.series})
+            _get(file, {"row": record.series})
             _get(file["events"], {"event": record.events, "product": record.products})
             _get(
                 file["snapshots"],
@@ -400,6 +418,21 @@ class Record:
             aggregates,
         )
         return record, time, population, state
+
+
+def _refuse_another_scene(path: Path, text: str, scene: Scene) -> None:
+    """Raise `DataFileError` if the dataset's scene differs in anything but when to stop."""
+    theirs, ours = (
+        s.model_dump() | {"run": s.model_dump()["run"] | {"until": None, "events": None, "seed": None}}
+        for s in (type(scene).from_text(text, path), scene)
+    )
+    for table in ours:
+        for key in ours[table] if isinstance(ours[table], dict) else ():
+            if theirs[table][key] != ours[table][key]:
+                raise DataFileError(
+                    f"{path}: was begun with {table}.{key} = {theirs[table][key]}, the scene has {ours[table][key]}; "
+                    "continue it with its own scene, or choose another file"
+                )
 
 
 def _put(group: netCDF4.Dataset, tables: dict[str, Table]) -> None:
@@ -429,7 +462,7 @@ def _put_state(group: netCDF4.Dataset, state: dict[str, Any]) -> None:
     meaning = {"block_time": "s", "time": "s"}
     for name, value in state.items():
         array = np.asarray(value)
-        dimensions = ()
+        dimensions: tuple[str, ...] = ()
         if array.ndim:
             group.createDimension(name, len(array))
             dimensions = (name,)
@@ -449,30 +482,37 @@ def software() -> str:
     return ", ".join([*packages, f"python {platform.python_version()}", platform.platform()])
 
 
-def replace_file(path: Path, content: bytes | memoryview) -> None:
-    """Make `content` the file at `path` in one step that survives a crash; on failure what was there stays."""
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[netCDF4.Dataset]:
+    """A dataset that takes the place of the one at `path` in one step, when it is complete; if not, that one stays."""
     beside = path.with_name(f".{path.name}.part")
     try:
-        with open(beside, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(beside, path)
-        folder = os.open(path.parent, os.O_RDONLY)
+        file = netCDF4.Dataset(beside, "w")
         try:
-            os.fsync(folder)
+            yield file
         finally:
-            os.close(folder)
-    except OSError as problem:
+            file.close()
+        _to_disk(beside)
+        beside.replace(path)
+        _to_disk(path.parent)
+    except (OSError, RuntimeError) as problem:  # the latter from NetCDF, which says no more than "HDF error"
         with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)
-        cure = (
-            "free some space" if problem.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG) else "check the folder"
-        )
-        kept = "; what it held before is intact" if path.exists() else ""
+        free = shutil.disk_usage(path.parent).free / 2**20
+        stays = "; what it held before is intact" if path.exists() else ""
         raise DataFileError(
-            f"{path}: cannot be written ({problem.strerror}){kept}: {cure}, then continue with --resume"
+            f"{path}: cannot be written ({problem}; {free:.0f} MiB free on its disk){stays}: "
+            "free some space or lift the quota, then continue with --resume"
         ) from problem
+
+
+def _to_disk(path: Path) -> None:
+    """Wait until what the system holds of a file or folder is on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 @contextlib.contextmanager
@@ -516,7 +556,9 @@ def locked(path: Path) -> Iterator[None]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as problem:
             if problem.errno not in (errno.EACCES, errno.EAGAIN):
-                raise DataFileError(f"{path}: its folder's file system has no locks ({problem.strerror})") from problem
+                raise DataFileError(
+                    f"{path}: its folder's file system has no locks ({problem.strerror})"
+                ) from problem
             holder = os.read(file, 1000).decode(errors="replace")
             with contextlib.suppress(ValueError, KeyError):
                 known = json.loads(holder)

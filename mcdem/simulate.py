@@ -184,7 +184,9 @@ def run(
     if until is None and events is None:
         until, events = scene.run.until, scene.run.events
     if until is None and events is None:
-        raise UserError(f'{scene.name}: nothing says when to stop; give "until" or "events", here or in [run]')
+        raise UserError(
+            f'{scene.name}: nothing says when to stop; give "until" or "events", here or in [run]'
+        )
     started = clock.monotonic()
     with locked(path), threadpoolctl.threadpool_limits(limits=1), _Interruption() as interruption:
         process = _open(scene, path, seed, resume=resume, overwrite=overwrite, keep_parents=keep_parents)
@@ -247,7 +249,13 @@ def run(
 
 
 def _open(
-    scene: Scene, path: Path, seed: int | None, *, resume: bool, overwrite: bool, keep_parents: tuple[str, ...]
+    scene: Scene,
+    path: Path,
+    seed: int | None,
+    *,
+    resume: bool,
+    overwrite: bool,
+    keep_parents: tuple[str, ...],
 ) -> Process:
     """The process at its start, or as the file at `path` left it."""
     if path.is_dir():
@@ -255,10 +263,14 @@ def _open(
     if not path.exists() or (overwrite and not resume):
         return Process.begin(scene, scene.run.seed if seed is None else seed, keep_parents)
     if not resume:
-        raise DataFileError(f"{path}: exists already; continue it with --resume, or replace it with --overwrite")
+        raise DataFileError(
+            f"{path}: exists already; continue it with --resume, or replace it with --overwrite"
+        )
     process = Process.resume(scene, path)
     if seed is not None and seed != process.record.seed:
-        raise DataFileError(f"{path}: was begun with seed {process.record.seed}, not {seed}; leave the seed out")
+        raise DataFileError(
+            f"{path}: was begun with seed {process.record.seed}, not {seed}; leave the seed out"
+        )
     return process
 
 

@@ -10,7 +10,7 @@ are competing Poisson processes.  Both ways here sample exactly that law:
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     from mcdem.population import Population
@@ -42,18 +42,18 @@ class PairSelection(Protocol):
     def doubled(self, time: float) -> None:
         """The population was doubled at `time` [s]."""
 
-    def state(self) -> dict[str, object]:
+    def state(self) -> dict[str, Any]:
         """Numbers and arrays from which `restore` continues bit for bit."""
 
 
 def pair_selection(
-    scene: Scene, population: Population, seed: int, state: dict[str, object] | None = None
+    scene: Scene, population: Population, seed: int, state: dict[str, Any] | None = None
 ) -> PairSelection:
     """The way that the scene's `numerics.pair_selection` names, at the start or from a state."""
     from mcdem.pair_selection.clocks import Clocks
     from mcdem.pair_selection.inversion import Inversion
 
-    way = {"clocks": Clocks, "inversion": Inversion}[scene.numerics.pair_selection]
+    way: type[Clocks] | type[Inversion] = Clocks if scene.numerics.pair_selection == "clocks" else Inversion
     return way(population, scene.flow.shear_rate, seed, state)
 
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import njit
@@ -35,7 +35,7 @@ CLASSES_PER_DOUBLING = 3
 """Of R: within a class (R_i + R_j)^3 then varies by 2 at most."""
 BLOCK = 512
 """Proposals drawn at once, from one stream."""
-PATIENCE = 32
+PATIENCE = 100
 """Proposals per encounter beyond which, in the long run, the capacities are adapted."""
 
 
@@ -65,14 +65,38 @@ def accepted(first, second, reach, radius, start, found):
 
 
 class Clocks:
-    """`PairSelection` by thinned proposals."""
+    """`PairSelection` by thinned proposals.
+
+    Attributes
+    ----------
+    epoch : number of the epoch, from 0
+    bounds : (classes,) b_c, largest outer radius of each class [m]
+    capacity : (classes,) slots of each class; those of class c are `_base[c]`, `_base[c]` + 1, ...
+    """
+
+    epoch: int
+    capacity: NDArray[np.int64]
+    _encounters: int  # of this epoch
+    # The proposals known, from number _first_block * BLOCK of the epoch on, and where the process stands among them.
+    _first_block: int
+    _next_block: int
+    _first_time: float
+    _end_time: float
+    _times: NDArray[np.float64]
+    _proposals: tuple[NDArray[Any], ...]
+    _cursor: int
+    # Slot of each place, or -1; place and outer radius of each slot, or -1 and -inf; free slots of each class.
+    _slot: NDArray[np.int64]
+    _place: NDArray[np.int64]
+    _radius: NDArray[np.float64]
+    _free: list[list[int]]
 
     def __init__(
         self,
         population: Population,
         shear_rate: float,
         seed: int,
-        state: dict[str, object] | None = None,
+        state: dict[str, Any] | None = None,
     ) -> None:
         self.population = population
         self.shear_rate = shear_rate
@@ -84,8 +108,7 @@ class Clocks:
             * (1.0 + 1e-12)
         )
         if state is None:
-            self.epoch = -1
-            self._begin_epoch(0.0)
+            self._begin_epoch(0, 0.0)
         else:
             self._restore(state)
 
@@ -131,7 +154,11 @@ class Clocks:
         self._first_block = self._next_block = block
         self._first_time = self._end_time = time
         self._times = np.empty(0)
-        self._proposals = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))
+        self._proposals = (
+            np.empty(0, np.int64),
+            np.empty(0, np.int64),
+            np.empty(0),
+        )
         self._cursor = 0
 
     # What happened
@@ -147,10 +174,10 @@ class Clocks:
             self._cursor -= BLOCK
         has_room = all([self._settle(place) for place in changed])
         if not has_room or self._impatient():
-            self._begin_epoch(meeting.time)
+            self._begin_epoch(self.epoch + 1, meeting.time)
 
     def doubled(self, time: float) -> None:
-        self._begin_epoch(time)
+        self._begin_epoch(self.epoch + 1, time)
 
     def _impatient(self) -> bool:
         tested = self._first_block * BLOCK + self._cursor
@@ -184,9 +211,9 @@ class Clocks:
 
     # Epochs
 
-    def _begin_epoch(self, time: float) -> None:
+    def _begin_epoch(self, epoch: int, time: float) -> None:
         """New capacities and new streams from `time` [s] on."""
-        self.epoch += 1
+        self.epoch = epoch
         self._encounters = 0
         self._open(0, time)
         places, size_class = self._classified()
@@ -228,7 +255,7 @@ class Clocks:
 
     # Checkpoints
 
-    def state(self) -> dict[str, object]:
+    def state(self) -> dict[str, Any]:
         places = np.nonzero(self.population.sizes)[0]
         return {
             "epoch": self.epoch,
@@ -240,12 +267,12 @@ class Clocks:
             "slot": self._slot[places],
         }
 
-    def _restore(self, state: dict[str, object]) -> None:
-        self.epoch = int(state["epoch"])  # type: ignore[call-overload]
-        self._encounters = int(state["encounters_of_epoch"])  # type: ignore[call-overload]
+    def _restore(self, state: dict[str, Any]) -> None:
+        self.epoch = int(state["epoch"])
+        self._encounters = int(state["encounters_of_epoch"])
         self._set_capacity(np.asarray(state["class_capacity"], dtype=np.int64))
         self._seat(np.nonzero(self.population.sizes)[0], np.asarray(state["slot"], dtype=np.int64))
-        self._open(int(state["block"]), float(state["block_time"]))  # type: ignore[call-overload, arg-type]
-        self._cursor = int(state["cursor"])  # type: ignore[call-overload]
+        self._open(int(state["block"]), float(state["block_time"]))
+        self._cursor = int(state["cursor"])
         while len(self._times) < self._cursor:
             self._draw()

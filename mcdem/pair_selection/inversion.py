@@ -6,7 +6,7 @@ The table costs N^2 memory and its sums N^2 time per event; it is here as the re
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,13 +25,13 @@ class Inversion:
         population: Population,
         shear_rate: float,
         seed: int,
-        state: dict[str, object] | None = None,
+        state: dict[str, Any] | None = None,
     ) -> None:
         self.population = population
         self.shear_rate = shear_rate
         self.seed = seed
-        self.time = 0.0 if state is None else float(state["time"])  # type: ignore[arg-type]
-        self.number = 0 if state is None else int(state["number"])  # type: ignore[call-overload]
+        self.time = 0.0 if state is None else float(state["time"])
+        self.number = 0 if state is None else int(state["number"])
         self._fill()
 
     def _fill(self) -> None:
@@ -72,5 +72,5 @@ class Inversion:
         self.time = time
         self._fill()
 
-    def state(self) -> dict[str, object]:
+    def state(self) -> dict[str, Any]:
         return {"time": self.time, "number": self.number}
