@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import time
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -60,7 +60,7 @@ def missed(first: Aggregate, second: Aggregate) -> EncounterResult:
     return result("missed", [first, second], [np.arange(first.size), np.arange(first.size, total)])
 
 
-@lru_cache(maxsize=None)
+@cache
 def compact(size: int, radius: float) -> Aggregate:
     """The `size` points of a cubic lattice nearest to a lattice point, touching."""
     side = np.arange(-6, 7)

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import synthetic
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-import synthetic
 from mcdem.pair_selection import PairSelection, encounter_rate, pair_selection
 from mcdem.pair_selection.clocks import BLOCK, Clocks, capacity_for
 from mcdem.population import Population
@@ -89,9 +89,13 @@ def histories(way: str, encounter, replicas: int, events: int, fewest: int = 2, 
 def test_both_ways_agree_while_aggregates_form_and_break():
     """Two-sample tests over 80 replicas of 200 encounters each, doublings and epochs included."""
     runs = {
-        way: histories(way, synthetic.aggregation_and_breakup, 80, 200, population__initial=20) for way in WAYS
+        way: histories(way, synthetic.aggregation_and_breakup, 80, 200, population__initial=20)
+        for way in WAYS
     }
-    assert min(run.population.volume for run in runs["clocks"]) > Population.of_primaries(runs["clocks"][0].scene).volume
+    assert (
+        min(run.population.volume for run in runs["clocks"])
+        > Population.of_primaries(runs["clocks"][0].scene).volume
+    )
     assert min(run.selection.epoch for run in runs["clocks"]) >= 3
     for observe in (
         lambda run: run.time,

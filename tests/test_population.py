@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import synthetic
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import synthetic
 from mcdem.aggregate import Aggregate
 from mcdem.population import ConservationError, Population
 from mcdem.random_streams import stream
@@ -92,7 +92,9 @@ def test_exchanged_primaries_make_new_aggregates():
 
 
 @pytest.mark.parametrize(
-    "members", [[[0], [1, 2], [3]], [[0, 1], [1]], [[0, 1]], [[0, 1, 2, 3]]], ids=["more", "twice", "fewer", "merged"]
+    "members",
+    [[[0], [1, 2], [3]], [[0, 1], [1]], [[0, 1]], [[0, 1, 2, 3]]],
+    ids=["more", "twice", "fewer", "merged"],
 )
 def test_lost_or_made_primaries_are_an_error(members):
     population = Population.of_primaries(synthetic.scene(population__initial=3))

@@ -12,9 +12,9 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+import synthetic
 import xarray as xr
 
-import synthetic
 from mcdem.encounter import OUTCOMES
 from mcdem.errors import DataFileError, UserError
 from mcdem.record import TIMING, differences, identical, locked
@@ -26,7 +26,14 @@ def dataset(tmp_path_factory) -> Path:
     """400 encounters with every outcome, three doublings or so, three snapshots between start and end."""
     path = tmp_path_factory.mktemp("record") / "run.nc"
     scene = synthetic.scene(population__initial=40, run__snapshot_every="100 ms")
-    run(scene, path, events=400, seed=5, encounter=synthetic.aggregation_and_breakup, keep_parents=("unresolved", "exchange"))
+    run(
+        scene,
+        path,
+        events=400,
+        seed=5,
+        encounter=synthetic.aggregation_and_breakup,
+        keep_parents=("unresolved", "exchange"),
+    )
     return path
 
 
@@ -47,7 +54,9 @@ def test_the_series_tells_the_population_after_each_encounter(dataset):
     assert series.sizes["row"] == events.sizes["event"] + 1
     assert (series["time"][1:].values == events["time"].values).all()
     last = -1
-    for s, (time, number) in enumerate(zip(snapshots["time"].values, snapshots["number_of_aggregates"].values, strict=True)):
+    for s, (time, number) in enumerate(
+        zip(snapshots["time"].values, snapshots["number_of_aggregates"].values, strict=True)
+    ):
         row = int(np.searchsorted(series["time"].values, time, side="right")) - 1
         rows = slice(last + 1, last + 1 + number)
         last += number
@@ -57,7 +66,9 @@ def test_the_series_tells_the_population_after_each_encounter(dataset):
         assert now["volume"] == snapshots["volume"][s]
         assert float(now["mean_size"]) == sizes.mean()
         assert float(now["size_deviation"]) == pytest.approx(sizes.std(), rel=1e-12)
-        assert float(now["sauter_diameter"]) == pytest.approx(2 * (radii**3).sum() / (radii**2).sum(), rel=1e-9)
+        assert float(now["sauter_diameter"]) == pytest.approx(
+            2 * (radii**3).sum() / (radii**2).sum(), rel=1e-9
+        )
     assert snapshots["time"].values[:-1] == pytest.approx(0.1 * np.arange(len(snapshots["time"]) - 1))
     assert len(snapshots["time"]) > 3
 
@@ -79,11 +90,19 @@ def test_primaries_are_conserved_in_every_row_of_the_file(dataset):
 def test_aggregates_can_be_followed_by_their_numbers(dataset):
     """Every parent is a product or a snapshot's member of before, or a copy made by a doubling."""
     events = xr.open_datatree(dataset)["events"].dataset
-    flags = dict(zip(events["outcome"].attrs["flag_meanings"].split(), events["outcome"].attrs["flag_values"], strict=True))
+    flags = dict(
+        zip(
+            events["outcome"].attrs["flag_meanings"].split(),
+            events["outcome"].attrs["flag_values"],
+            strict=True,
+        )
+    )
     assert tuple(flags) == OUTCOMES
     ends = np.cumsum(events["number_of_products"].values)
     for k, outcome in enumerate(events["outcome"].values):
-        serials = set(events["product_serial"].values[ends[k] - events["number_of_products"].values[k] : ends[k]])
+        serials = set(
+            events["product_serial"].values[ends[k] - events["number_of_products"].values[k] : ends[k]]
+        )
         parents = set(events["parent_serial"].values[k])
         if outcome in (flags["missed"], flags["parted"], flags["unresolved"]):
             assert serials == parents
@@ -104,7 +123,7 @@ def test_parents_are_kept_for_the_outcomes_asked_for(dataset):
 
 def test_the_origin_is_in_the_file(dataset):
     attributes = xr.open_dataset(dataset).attrs
-    assert 'volume_fraction = 1e-4' in attributes["scene"]
+    assert "volume_fraction = 1e-4" in attributes["scene"]
     assert attributes["seed"] == 5
     assert "numpy" in attributes["software"]
     assert attributes["command"]
@@ -127,7 +146,12 @@ def test_identical_sees_a_single_bit_but_not_the_clock(dataset, tmp_path):
 
 def refusal(path: Path, **options) -> str:
     with pytest.raises(UserError) as caught:
-        run(synthetic.scene(population__initial=10), path, encounter=synthetic.always_miss, **{"events": 3, **options})
+        run(
+            synthetic.scene(population__initial=10),
+            path,
+            encounter=synthetic.always_miss,
+            **{"events": 3, **options},
+        )
     return str(caught.value)
 
 
@@ -182,7 +206,9 @@ def test_a_second_run_on_a_file_is_refused(tmp_path):
 
 def test_a_lock_left_by_a_killed_run_does_not_hold(tmp_path):
     path = tmp_path / "run.nc"
-    (tmp_path / ".run.nc.lock").write_text(json.dumps({"process": 1, "host": "elsewhere", "since": "long ago"}))
+    (tmp_path / ".run.nc.lock").write_text(
+        json.dumps({"process": 1, "host": "elsewhere", "since": "long ago"})
+    )
     run(synthetic.scene(), path, events=1, encounter=synthetic.always_miss)
 
 
