@@ -1,5 +1,6 @@
 """The command line: exit codes, one clear line for each mistake, nothing overwritten."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -108,6 +109,40 @@ def test_an_existing_output_is_kept(tmp_path):
 def test_until_carries_a_unit(tmp_path, until, words):
     message = refusal("run", SCENES / "quickstart.toml", "-o", tmp_path / "out.nc", "--until", until)
     assert message == f'--until "{until}" {words}; expected a positive time, such as "10 s"'
+
+
+def test_an_encounter_is_told_in_words():
+    done = mcdem_command("encounter", SCENES / "paper-750Pa.toml", "--offset", "0 nm", "250 nm")
+    assert done.exit_code == 0, done.output
+    told = dict(re.split(r"\s{2,}", line, maxsplit=1) for line in done.stdout.splitlines())
+    assert told["outcome"] == "aggregation"
+    assert told["products"] == "2 primaries"
+    assert told["offset"] == "x0 = 0 m, y0 = 2.5e-07 m"
+    assert re.fullmatch(r"[\d.e-]+ s \(strain [\d.]+\)", told["first contact"])
+    assert re.fullmatch(r"[\d.e-]+ N \(0\.\d\d of pull-off\)", told["largest tension"])
+
+
+def test_aggregates_and_offsets_are_refused_by_name(tmp_path):
+    scene = SCENES / "paper-750Pa.toml"
+    apart, flat, words = tmp_path / "apart.txt", tmp_path / "flat.txt", tmp_path / "words.txt"
+    apart.write_text("0 0 0\n0 0 3\n")
+    flat.write_text("0 0\n0 2\n")
+    words.write_text("carbon 0 0\n")
+    overlapping = tmp_path / "overlapping.txt"
+    overlapping.write_text("0 0 0\n0 0 1.5\n")
+    for given, reason in [
+        ("0", "expected 1 to 1000 primaries"),
+        (apart, "do not touch"),
+        (overlapping, "overlap"),
+        (flat, "expected a row x y z for each primary, found 2 columns"),
+        (words, "not a table of numbers"),
+        (tmp_path / "none.txt", "cannot be read"),
+    ]:
+        message = refusal("encounter", scene, "-j", given)
+        assert message.startswith(f"--second {given}: ")
+        assert reason in message
+    message = refusal("encounter", scene, "--offset", "0 nm", "300 Pa")
+    assert message.startswith('--offset "300 Pa" has the wrong dimension (Pa); expected a length')
 
 
 def test_usage_errors_exit_with_2():
