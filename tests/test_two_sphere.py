@@ -23,7 +23,8 @@ PERMUTATION = np.array(
 def drag_along_the_line(gap: float) -> tuple[float, float]:
     """Stokes factors of two equal spheres in opposite and in the same motion.
 
-    Brenner, Chem. Eng. Sci. 16 (1961) 242, (2.19), and Stimson & Jeffery, Proc. R. Soc. A 111 (1926) 110, (37).
+    Brenner, Chem. Eng. Sci. 16 (1961) 242 (a free surface stands for the other sphere), and Stimson & Jeffery, Proc. R.
+    Soc. A 111 (1926) 110.
     """
     with mpmath.workdps(40):
         alpha = mpmath.acosh(1 + mpmath.mpf(gap) / 2)
@@ -276,11 +277,13 @@ def test_table_repeats_the_differences(ratio):
 
 def test_table_is_smooth_and_finite_everywhere():
     table = two_sphere.lubrication_table()
-    contact, overlap, far = np.empty((3, 22))
+    contact, overlap, far, unknown = np.empty((4, 22))
     two_sphere.lubrication_scalars(table.smallest_gap, table, contact)
     two_sphere.lubrication_scalars(-0.1, table, overlap)
     two_sphere.lubrication_scalars(1e12, table, far)
+    two_sphere.lubrication_scalars(np.nan, table, unknown)
     assert (overlap == contact).all()
+    assert np.isnan(unknown).all()
     assert np.abs(far).max() < 1e-60
     c = table.coefficients
     ends = np.stack([c.sum(axis=1), c[:, 1] + 2 * c[:, 2] + 3 * c[:, 3], 2 * c[:, 2] + 6 * c[:, 3]], axis=1)

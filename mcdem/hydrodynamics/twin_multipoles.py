@@ -14,8 +14,8 @@ Sources
 -------
 Jeffrey & Onishi, J. Fluid Mech. 139 (1984) 261: functions A, B, C ("JO").
 Jeffrey, Phys. Fluids A 4 (1992) 16: functions G, H, M ("J").
-Townsend, Phys. Fluids 35 (2023) 127126, arXiv 1802.08226: misprints of both corrected; every coefficient here
-agrees with it, and is tested against the tail of the series itself.
+Townsend, Phys. Fluids 35 (2023) 127126, arXiv 1802.08226: corrects misprints of both.  The coefficients
+here are those of his list but for one in Y^M_12; all are tested against the tail of the series itself.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Function(NamedTuple):
 
 
 def _xa(lam: float):
-    # JO (3.17), (3.18).
+    # Townsend (10)-(12).
     g1 = 2 * lam**2
     g2 = lam * (1 + 7 * lam + lam**2) / 5
     g3 = (1 + 18 * lam - 29 * lam**2 + 18 * lam**3 + lam**4) / 42
@@ -70,21 +70,21 @@ def _xa(lam: float):
 
 
 def _ya(lam: float):
-    # JO (4.15), (4.16).
+    # JO (4.16).
     g2 = 4 * lam * (2 + lam + 2 * lam**2) / 15
     g3 = 2 * (16 - 45 * lam + 58 * lam**2 - 45 * lam**3 + 16 * lam**4) / 375
     return _over_cube(lam, (0, g2, g3), (0, g2, g3))
 
 
 def _yb(lam: float):
-    # JO (5.5), (5.6).
+    # JO (5.6).
     g2 = -lam * (4 + lam) / 5 * (1 + lam)
     g3 = -(32 - 33 * lam + 83 * lam**2 + 43 * lam**3) / 250 * (1 + lam)
     return _over_cube(lam, (0, g2, g3), (0, g2, g3))
 
 
 def _xc(lam: float):
-    # JO (6.9), (6.10) as corrected by Townsend (26), (27).
+    # Townsend (26), (27).
     g3 = lam**2 / 4 * (1 + lam) ** 2
     return _over_cube(lam, (0, 0, -g3), (0, 0, g3))
 
@@ -139,7 +139,7 @@ def _ym(lam: float):
     g2 = 6 * lam * (1 - lam + 4 * lam**2) / 25
     g3 = (24 - 201 * lam + 882 * lam**2 - 1182 * lam**3 + 591 * lam**4) / 625
     g5 = 3 * lam**2 * (7 - 10 * lam + 7 * lam**2) / 50
-    # The series asks for -748 where -728 is in print: with that, xi ln xi survives in the tail (see the tests).
+    # -748 is what the tail of the series shows at every size ratio (see the tests); the -728 of Townsend's list does not fit.
     g6 = 3 * lam * (221 - 748 * lam + 1902 * lam**2 - 748 * lam**3 + 221 * lam**4) / 2500
     return _over_cube(lam, (0, g2, g3), (0, g5, g6))
 
@@ -155,8 +155,9 @@ def _over_cube(lam: float, same: tuple, other: tuple):
     return tuple(g / cube for g in same), tuple(g / cube for g in other)
 
 
-# Units of the papers, over 6 pi mu a1^n: JO (1.7), J (3) give A 6 pi, B and G 4 pi, C and H 8 pi, M 20 pi/3.
-# Moments: JO (3.15), (5.4), (7.8), J (17), (25), (33), (46), (62), (77), with Q here 2/3 of JO's and equal to J's of m = 2.
+# The papers scale A by 6 pi mu a, B and G by 4 pi mu a^2, C and H by 8 pi mu a^3, M by 20 pi mu a^3/3, a = (a_a + a_b)/2.
+# Functions from moments: Townsend (9), (21), (29) and, from Ichiki et al. 2013, (94), (105), (115), (120), (125), (131).
+# Q is 2/3 of JO's, and is J's of m = 2.
 FUNCTIONS: dict[str, Function] = {
     "XA": Function(0, P1, P1, 1.0, 1.0, 1, -1, _xa),
     "YA": Function(1, P1, P1, 1.0, 1.0, 1, -1, _ya),
@@ -174,8 +175,9 @@ FUNCTIONS: dict[str, Function] = {
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
 def _moments(m: int, motion: int, fraction: np.ndarray, orders: int) -> np.ndarray:
-    """The moments P1, Q1, P2 on either sphere at each order; JO (2.22)-(2.24), (3.6)-(3.9), (4.6)-(4.11), J (73)-(76).
+    """The moments P1, Q1, P2 on either sphere at each order.
 
+    Townsend (5)-(8), (18); JO (4.6)-(4.11), (7.3)-(7.5); J (58), (73)-(76).
     The papers' P_npq are summed over p + q = k with the weights fraction^p, fraction^q of the two radii, which leaves
     one index less.  A row j = n + k is kept together: all that a row needs lies in earlier ones.  One recursion
     serves all azimuthal numbers, with Q scaled so that P and Q are coupled by m alone.

@@ -7,14 +7,14 @@ to sphere 2 in all four blocks ab = 11, 12, 21, 22; u, omega, E belong to the am
     T_a = sum_b  B^ab (U_b - u)  +  C^ab  (Omega_b - omega)  +  Ht^ab : (-E)
     S_a = sum_b  G^ab (U_b - u)  +  H^ab  (Omega_b - omega)  +  M^ab  : (-E)
 
-with transposes Bt^ab_ij = B^ba_ji, Gt^ab_ijk = G^ba_jki, Ht^ab_ijk = H^ba_jki (Kim & Karrila 1991, ch. 11; Jeffrey 1992,
-eq. 1-5), and
+with transposes Bt^ab_ij = B^ba_ji, Gt^ab_ijk = G^ba_jki, Ht^ab_ijk = H^ba_jki (Kim & Karrila 1991, ch. 11; Jeffrey
+1992), and
 
     A_ij   = XA d_i d_j + YA (delta_ij - d_i d_j)                   C_ij alike with XC, YC
     B_ij   = YB eps_ijk d_k
     G_ijk  = XG (d_i d_j - delta_ij/3) d_k + YG (d_i delta_jk + d_j delta_ik - 2 d_i d_j d_k)
     H_ijk  = YH (d_i eps_jkm + d_j eps_ikm) d_m
-    M_ijkl = XM m0 + YM m1 + ZM m2      (projections of strain on azimuthal numbers 0, 1, 2 about d)
+    M_ijkl = XM m0 + YM m1 + ZM m2      (m0, m1, m2 project strain on azimuthal numbers 0, 1, 2 about d)
 
 Units: lengths a1, resistances 6 pi mu a1^n; a single sphere has XA11 = YA11 = 1, XC11 = YC11 = 4/3, XM11 = YM11 = ZM11 = 10/9.
 `ratio` is a2/a1 and `gap` the distance between the surfaces, (r - a1 - a2)/a1.
@@ -134,7 +134,7 @@ def lubrication_table(ratio: float = 1.0) -> LubricationTable:
     """
     sources = sorted(Path(__file__).parent.glob("*.py"))
     digest = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
-    kept = Path(numba.config.CACHE_DIR or tempfile.gettempdir()) / f"two_sphere_{float(ratio)!r}_{digest}.npz"
+    kept = Path(numba.config.CACHE_DIR) / f"two_sphere_{float(ratio)!r}_{digest}.npz"
     try:
         with kept.open("rb") as file, np.load(file) as stored:
             return LubricationTable(*(stored[field][()] for field in LubricationTable._fields))
@@ -180,11 +180,11 @@ def _tabulate(ratio: float) -> LubricationTable:
 @njit(cache=True)
 def lubrication_scalars(gap: float, table: LubricationTable, out: np.ndarray) -> None:
     """Fill out[:columns] with the differences at this gap; gaps below `smallest_gap`, overlap too, count as that."""
-    h = max(gap, table.smallest_gap)
+    h = table.smallest_gap if gap < table.smallest_gap else gap  # lets NaN through
     r = table.contact + h
     y = table.contact / r
     place = (np.log(h / r) - table.stretch * y - table.start) * table.inverse_step
-    interval = min(int(place), table.coefficients.shape[0] - 1)
+    interval = min(int(place), table.coefficients.shape[0] - 1) if place > 0.0 else 0
     t = place - interval
     decay = y * y * y * y * y * y
     divergence = r / h - 1.0
