@@ -21,7 +21,7 @@ from mcdem.hydrodynamics.far_field import tensor_to_five
 from mcdem.hydrodynamics.two_sphere import lubrication_table
 from mcdem.stepping import state
 from mcdem.stepping.implicit import ImplicitOptions
-from mcdem.stepping.integrate import integrate
+from mcdem.stepping.integrate import Shortcuts, integrate
 from mcdem.stepping.paper_euler import PaperOptions
 
 if TYPE_CHECKING:
@@ -150,6 +150,20 @@ def scheme_of(scene: Scene) -> tuple[ImplicitOptions | None, PaperOptions | None
     )
 
 
+def shortcuts_of(scene: Scene) -> Shortcuts:
+    """The shortcuts that the scene takes; the paper's scheme takes none."""
+    numerics = scene.numerics
+    taken = numerics.scheme == "implicit"
+    return Shortcuts(
+        far_approach=numerics.far_approach if taken else 0.0,
+        separation=numerics.separation if taken else 0.0,
+        rigid_rotation=taken and numerics.rigid_rotation,
+        inert=taken and numerics.end_inert,
+        load_limit=numerics.rigid_load_limit,
+        quiet_time=numerics.quiet_time,
+    )
+
+
 def draw_offset(reach: float, rng: np.random.Generator) -> tuple[float, float]:
     """Where the centre of j crosses the circle of radius `reach` [m], by the flux g y (paper, Fig. 3).
 
@@ -222,7 +236,18 @@ def simulate_encounter(
     log = state.new_log()
     frames = _frames(record, strain, sum(sizes)) if record is not None else None
     started = time.process_time()
-    code = integrate(motion, flow, physics, implicit, paper, log, frames, strain, scene.numerics.most_steps)
+    code = integrate(
+        motion,
+        flow,
+        physics,
+        implicit,
+        paper,
+        shortcuts_of(scene),
+        log,
+        frames,
+        strain,
+        scene.numerics.most_steps,
+    )
     cpu_time = time.process_time() - started
     if record is not None and frames is not None:
         _keep(record, frames, units, parent)
@@ -283,15 +308,15 @@ def _frames(record: Recorder, strain: float, n: int) -> state.Frames:
     count = math.ceil(strain / record.interval) + 2
     return state.Frames(
         record.interval,
-        np.zeros(1, np.int64),
-        np.zeros(count),
+        np.zeros(n, np.int64),
+        record.interval * np.arange(count),
         np.zeros((count, n, 3)),
-        np.zeros((count, n, n)),
+        np.full((count, n, n), np.nan),
     )
 
 
 def _keep(record: Recorder, frames: state.Frames, units, parent: NDArray[np.int64]) -> None:
-    count = int(frames.written[0])
+    count = int(frames.written.min())
     record.time = frames.time[:count] * units.time
     record.positions = frames.positions[:count] * units.length
     record.tension = frames.tension[:count] * units.force

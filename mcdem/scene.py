@@ -99,6 +99,18 @@ class Numerics(Table):
     """Distance upstream at which the second aggregate starts, in units of R_i + R_j."""
     rotations: NonNegativeDimensionless = 8.0
     """Rotations N_rot that follow the approach (Eq. 21)."""
+    far_approach: NonNegativeDimensionless = 2.0
+    """Two rigid aggregates approach as bodies with a stresslet down to this centre distance over R_i + R_j; 0 for never."""
+    separation: NonNegativeDimensionless = 2.0
+    """Parts that recede from each other go on alone beyond this centre distance over R_i + R_j; 0 for never."""
+    rigid_rotation: bool = True
+    """An aggregate without floppy modes turns as a rigid body while its load stays below `rigid_load_limit`."""
+    end_inert: bool = True
+    """A rigid aggregate that bears its worst orientation is not followed further."""
+    rigid_load_limit: Annotated[PositiveDimensionless, Field(le=1.0)] = 0.9
+    """Largest tension over pull-off force, by statics, at which an aggregate is taken as rigid."""
+    quiet_time: NonNegativeDimensionless = 1.0
+    """Strain g t without a contact made or lost before an aggregate is taken as rigid."""
     longest_approach: PositiveDimensionless = 1000.0
     """Strain g t after which an approach is given up and recorded as unresolved: it diverges as y0 goes to 0 (Eq. 21)."""
     most_steps: Annotated[int, Field(gt=0)] = 20_000_000

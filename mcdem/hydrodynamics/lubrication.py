@@ -51,17 +51,13 @@ def _cross(matrix, row, column, factor, d):
 
 
 @njit(cache=True)
-def add_pair(s, i, j, d, strain, shift, matrix, drive):
-    """Add one pair to the resistance and to the drive of the straining flow.
+def add_pair_resistance(s, i, j, d, matrix):
+    """Add one pair to the resistance.
 
     s : (11, 4) scalars of XA YA YB XC YC XG YG YH XM YM ZM for the pairs 11, 12, 21, 22, in units of length a
         and resistance 6 pi mu a^n
     i, j : the pair, i > j; **sphere 1 is i**, sphere 2 is j, d (3,) the unit vector from i to j
-    strain : (3, 3) E_inf
-    shift : by how much the distance the scalars are taken at exceeds the true one; the strain then moves the
-        spheres apart by as much more
     matrix : (6N, 6N), ordered (omega | u), lower triangle
-    drive : (6N,) the torque and force that the strain exerts on spheres held still in it
     """
     n = matrix.shape[0] // 6
     wi, wj, ui, uj = 3 * i, 3 * j, 3 * (n + i), 3 * (n + j)
@@ -76,6 +72,19 @@ def add_pair(s, i, j, d, strain, shift, matrix, drive):
     _cross(matrix, uj, wi, -s[2, 1], d)
     _cross(matrix, ui, wj, -s[2, 2], d)
     _cross(matrix, uj, wj, -s[2, 3], d)
+
+
+@njit(cache=True)
+def add_pair_drive(s, i, j, d, strain, shift, drive):
+    """Add what the straining flow exerts through one pair on spheres held still; arguments as `add_pair_resistance`.
+
+    strain : (3, 3) E_inf
+    shift : by how much the distance the scalars are taken at exceeds the true one; the strain then moves the
+        spheres apart by as much more
+    drive : (6N,) torques and forces
+    """
+    n = drive.shape[0] // 6
+    wi, wj, ui, uj = 3 * i, 3 * j, 3 * (n + i), 3 * (n + j)
     e0 = strain[0, 0] * d[0] + strain[0, 1] * d[1] + strain[0, 2] * d[2]
     e1 = strain[1, 0] * d[0] + strain[1, 1] * d[1] + strain[1, 2] * d[2]
     e2 = strain[2, 0] * d[0] + strain[2, 1] * d[1] + strain[2, 2] * d[2]

@@ -75,24 +75,28 @@ def measure(positions, directions, distances):
 
 
 @njit(cache=True)
-def far_field_resistance(work, radii, strain_five):
-    """Far field into `work.resistance` and `work.drive`, keeping the factor in `work.mobility`; 0 or an error code."""
+def far_field_resistance(work, radii):
+    """Far-field resistance Mhat^-1 into `work.resistance`, keeping the factor in `work.mobility`; 0 or an error code."""
     n = radii.shape[0]
     far_field.grand_mobility(work.directions, work.distances, radii, work.mobility)
     if cholesky(work.mobility) != 0:
         return NOT_POSITIVE_DEFINITE
-    stress = work.mobility[: 5 * n, : 5 * n]
-    coupling = work.mobility[5 * n :, : 5 * n]
     remainder = work.mobility[5 * n :, 5 * n :]
-    for i in range(n):
-        work.straining[5 * i : 5 * i + 5] = strain_five
-    solve_lower(stress, work.straining, False)
-    work.drive[:] = 0.0
-    add_product(coupling, work.straining, work.drive, -1.0)
-    solve_cholesky(remainder, work.drive)
     for k in range(6 * n):
         work.resistance[k, : k + 1] = remainder[k, : k + 1]
     return inverse_from_cholesky(work.resistance)
+
+
+@njit(cache=True)
+def far_field_drive(work, strain_five):
+    """What a uniform strain (5,) exerts in the far field into `work.drive`, after `far_field_resistance`."""
+    n = work.drive.shape[0] // 6
+    for i in range(n):
+        work.straining[5 * i : 5 * i + 5] = strain_five
+    solve_lower(work.mobility[: 5 * n, : 5 * n], work.straining, False)
+    work.drive[:] = 0.0
+    add_product(work.mobility[5 * n :, : 5 * n], work.straining, work.drive, -1.0)
+    solve_cholesky(work.mobility[5 * n :, 5 * n :], work.drive)
 
 
 @njit(cache=True)
@@ -110,17 +114,16 @@ def add_lubrication(work, radii, strain, cutoff, shifted, table):
             gap = max(true_gap, cutoff)
             shift = gap - true_gap if shifted else 0.0
             lubrication.pair_scalars(gap, table, work.raw, work.scalars)
-            lubrication.add_pair(
-                work.scalars, i, j, work.directions[j, i], strain, shift, work.resistance, work.drive
-            )
+            d = work.directions[j, i]
+            lubrication.add_pair_resistance(work.scalars, i, j, d, work.resistance)
+            lubrication.add_pair_drive(work.scalars, i, j, d, strain, shift, work.drive)
 
 
 @njit(cache=True)
-def eliminate_torques(resistance, drive):
-    """Free rotation: reduce R (6N) and its drive to the translational A (3N), in the trailing blocks.
+def eliminate_torques(resistance):
+    """Free rotation: reduce R (6N) to the translational A (3N) in the trailing block (lower triangle); 0 or an error code.
 
-    Afterwards resistance[3N:, 3N:] holds A (lower), drive[3N:] its drive; the leading blocks hold what
-    `angular_velocities` needs.  Returns 0 or an error code.
+    The leading blocks then hold what `reduce_drive` and `angular_velocities` need.
     """
     m = resistance.shape[0] // 2
     rotation, coupling, translation = resistance[:m, :m], resistance[m:, :m], resistance[m:, m:]
@@ -128,14 +131,20 @@ def eliminate_torques(resistance, drive):
         return NOT_POSITIVE_DEFINITE
     solve_lower_from_right(rotation, coupling)
     subtract_outer(translation, coupling)
-    solve_lower(rotation, drive[:m], False)
-    add_product(coupling, drive[:m], drive[m:], -1.0)
     return 0
 
 
 @njit(cache=True)
+def reduce_drive(resistance, drive):
+    """Reduce a drive (6N,) to that of torque-free spheres, in drive[3N:], after `eliminate_torques`."""
+    m = resistance.shape[0] // 2
+    solve_lower(resistance[:m, :m], drive[:m], False)
+    add_product(resistance[m:, :m], drive[:m], drive[m:], -1.0)
+
+
+@njit(cache=True)
 def angular_velocities(resistance, drive, linear, angular):
-    """omega - omega_inf (3N,) of torque-free spheres from u - u_inf (3N,), after `eliminate_torques`."""
+    """omega - omega_inf (3N,) of torque-free spheres from u - u_inf (3N,), after `reduce_drive`."""
     m = resistance.shape[0] // 2
     coupling = resistance[m:, :m]
     for k in range(m):
@@ -144,6 +153,37 @@ def angular_velocities(resistance, drive, linear, angular):
             total -= coupling[row, k] * linear[row]
         angular[k] = total
     solve_lower(resistance[:m, :m], angular, True)
+
+
+@njit(cache=True)
+def stresslets(work, radii, rates, strain_five, cutoff, table, out):
+    """Stresslets exerted on the fluid into out (N, 5), from rates (6N,) of spheres in a strain (5,).
+
+    `work` holds the far-field factor and, from `far_field_drive` of the same strain, L_S^-1 E; the latter is used up.
+    """
+    n = radii.shape[0]
+    # Far-field forces from the factor: Mhat F = rates + W^T z, then S = -L_S^-T (z + W F).
+    far = rates.copy()
+    coupling = work.mobility[5 * n :, : 5 * n]
+    add_product(coupling, work.straining, far, 1.0)
+    solve_cholesky(work.mobility[5 * n :, 5 * n :], far)
+    five = work.straining
+    for row in range(6 * n):
+        for k in range(5 * n):
+            five[k] += coupling[row, k] * far[row]
+    for k in range(5 * n):
+        five[k] = -five[k]
+    solve_lower(work.mobility[: 5 * n, : 5 * n], five, True)
+    for i in range(n):
+        out[i] = five[5 * i : 5 * i + 5]
+    if table is not None:
+        for i in range(n):
+            for j in range(i):
+                gap = max(work.distances[i, j] - radii[i] - radii[j], cutoff)
+                lubrication.pair_scalars(gap, table, work.raw, work.scalars)
+                lubrication.add_pair_stresslet(
+                    work.scalars, i, j, work.directions[j, i], rates, strain_five, out
+                )
 
 
 @njit(cache=True)
@@ -161,9 +201,10 @@ def solve_velocities(
     linear = np.empty((n, 3))
     angular = np.empty((n, 3))
     measure(positions, work.directions, work.distances)
-    code = far_field_resistance(work, radii, strain_five)
+    code = far_field_resistance(work, radii)
     if code != 0:
         return code, linear, angular
+    far_field_drive(work, strain_five)
     if table is not None:
         add_lubrication(work, radii, strain, cutoff, shifted, table)
     rates = work.drive
@@ -174,28 +215,7 @@ def solve_velocities(
     if cholesky(work.resistance) != 0:
         return NOT_POSITIVE_DEFINITE, linear, angular
     solve_cholesky(work.resistance, rates)
-    # Far-field forces from the factor: Mhat F = rates + W^T z, then S = -L_S^-T (z + W F).
-    far = rates.copy()
-    coupling = work.mobility[5 * n :, : 5 * n]
-    add_product(coupling, work.straining, far, 1.0)
-    solve_cholesky(work.mobility[5 * n :, 5 * n :], far)
-    five = work.straining
-    for k in range(5 * n):
-        total = five[k]
-        for row in range(6 * n):
-            total += coupling[row, k] * far[row]
-        five[k] = -total
-    solve_lower(work.mobility[: 5 * n, : 5 * n], five, True)
-    for i in range(n):
-        stresslet[i] = five[5 * i : 5 * i + 5]
-    if table is not None:
-        for i in range(n):
-            for j in range(i):
-                gap = max(work.distances[i, j] - radii[i] - radii[j], cutoff)
-                lubrication.pair_scalars(gap, table, work.raw, work.scalars)
-                lubrication.add_pair_stresslet(
-                    work.scalars, i, j, work.directions[j, i], rates, strain_five, stresslet
-                )
+    stresslets(work, radii, rates, strain_five, cutoff, table, stresslet)
     for i in range(n):
         for k in range(5):
             stresslet[i, k] = -stresslet[i, k]

@@ -181,11 +181,13 @@ def drive_at_middle(motion, flow, physics, work):
     """Resistance A of torque-free spheres and everything that drives them but contacts; 0 or an error code."""
     n = motion.radii.shape[0]
     hydro = work.hydrodynamics
-    if stokesian.far_field_resistance(hydro, motion.radii, flow.strain_five) != 0:
+    if stokesian.far_field_resistance(hydro, motion.radii) != 0:
         return NOT_POSITIVE_DEFINITE
+    stokesian.far_field_drive(hydro, flow.strain_five)
     add_two_body(hydro, motion.radii, flow.strain, physics.cutoff, physics.shifted, physics.table)
-    if stokesian.eliminate_torques(hydro.resistance, hydro.drive) != 0:
+    if stokesian.eliminate_torques(hydro.resistance) != 0:
         return NOT_POSITIVE_DEFINITE
+    stokesian.reduce_drive(hydro.resistance, hydro.drive)
     work.forces[:] = 0.0
     add_non_contact_forces(
         work.forces,

@@ -69,13 +69,14 @@ class Log(NamedTuple):
     first_bond_loss: np.ndarray
     largest_tension: np.ndarray
     smallest_gap: np.ndarray  # between primaries of different parents
+    skipped: np.ndarray  # time not followed primary by primary, over all parts
 
 
 class Frames(NamedTuple):
     """Recorded states, one every `interval`."""
 
     interval: float
-    written: np.ndarray  # (1,) count of frames
+    written: np.ndarray  # (N,) count of frames of each primary
     time: np.ndarray  # (F,)
     positions: np.ndarray  # (F, N, 3)
     tension: np.ndarray  # (F, N, N), nan where there is no contact
@@ -92,6 +93,7 @@ def new_log() -> Log:
         first_bond_loss=np.full(1, np.nan),
         largest_tension=np.zeros(1),
         smallest_gap=np.full(1, np.inf),
+        skipped=np.zeros(1),
     )
 
 

@@ -1,0 +1,162 @@
+"""The approach of two rigid aggregates while they are far apart: each a body with a stresslet.
+
+Free of force and torque, a body far away is felt through its stresslet alone.  Each turns and drifts in the flow
+plus what the other's stresslet makes of it; what is left out is of order (R/r)^5 of the velocity.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from mcdem.stepping.bodies import rotation
+from mcdem.stepping.rigid import five_tensor, multiply, present_load, turn_back
+
+
+@njit(cache=True)
+def add_disturbance(stresslet, separation, gradient, velocity):
+    """Add the field of a stresslet (3, 3) at `separation` (3,) from it: velocity (3,) and gradient (3, 3), du_i/dx_k.
+
+    u_i = (9/4) x_i (x.S.x)/r^5 in units of 6 pi mu a^3 g.
+    """
+    r2 = separation[0] ** 2 + separation[1] ** 2 + separation[2] ** 2
+    r5 = r2 * r2 * np.sqrt(r2)
+    product = np.zeros(3)
+    for k in range(3):
+        for m in range(3):
+            product[k] += stresslet[k, m] * separation[m]
+    square = product[0] * separation[0] + product[1] * separation[1] + product[2] * separation[2]
+    for k in range(3):
+        velocity[k] += 2.25 * separation[k] * square / r5
+        gradient[k, k] += 2.25 * square / r5
+        for m in range(3):
+            gradient[k, m] += (
+                2.25 * separation[k] * (2.0 * product[m] - 5.0 * separation[m] * square / r2) / r5
+            )
+
+
+@njit(cache=True)
+def exerted(body, matrix, strain, stresslet):
+    """Stresslet (3, 3), in the laboratory, of a body turned by matrix in a strain (3, 3); returns its present load."""
+    seen, five = np.empty(5), np.zeros(5)
+    turn_back(matrix, strain, seen)
+    for k in range(5):
+        for m in range(5):
+            five[k] += body.stresslet[k, m] * seen[m]
+    local, half = np.empty((3, 3)), np.zeros((3, 3))
+    five_tensor(five, local)
+    stresslet[:] = 0.0
+    for p in range(3):
+        for q in range(3):
+            for k in range(3):
+                half[p, q] += matrix[p, k] * local[k, q]
+    for p in range(3):
+        for q in range(3):
+            for k in range(3):
+                stresslet[p, q] += half[p, k] * matrix[q, k]
+    return present_load(body, seen)
+
+
+@njit(cache=True)
+def body_rates(body, matrix, centre, gradient, disturbance, carried, velocity, spin):
+    """Velocity and angular velocity (3,) of a body in the flow, a disturbance (3, 3) of its gradient, and one of its velocity."""
+    total, strain = np.empty((3, 3)), np.empty((3, 3))
+    for p in range(3):
+        for q in range(3):
+            total[p, q] = gradient[p, q] + disturbance[p, q]
+    for p in range(3):
+        for q in range(3):
+            strain[p, q] = 0.5 * (total[p, q] + total[q, p])
+    seen = np.empty(5)
+    turn_back(matrix, strain, seen)
+    spin[0] = 0.5 * (total[2, 1] - total[1, 2])
+    spin[1] = 0.5 * (total[0, 2] - total[2, 0])
+    spin[2] = 0.5 * (total[1, 0] - total[0, 1])
+    for k in range(3):
+        velocity[k] = carried[k]
+        for m in range(3):
+            velocity[k] += gradient[k, m] * centre[m]
+    for c in range(3):
+        own_spin = own_drift = 0.0
+        for m in range(5):
+            own_spin += body.spin[c, m] * seen[m]
+            own_drift += body.drift[c, m] * seen[m]
+        for k in range(3):
+            spin[k] += matrix[k, c] * own_spin
+            velocity[k] += matrix[k, c] * own_drift
+
+
+@njit(cache=True)
+def pair_rates(first, second, turns, centres, gradient, strain, velocities, spins):
+    """Rates of both bodies with one reflection of their stresslets; returns the larger present load."""
+    stresslets = np.empty((2, 3, 3))
+    load = max(
+        exerted(first, turns[0], strain, stresslets[0]), exerted(second, turns[1], strain, stresslets[1])
+    )
+    disturbance, carried = np.zeros((2, 3, 3)), np.zeros((2, 3))
+    separation = np.empty(3)
+    # The second pass lets the strain of the first disturbances act on the stresslets.
+    for _ in range(2):
+        disturbance[:] = 0.0
+        carried[:] = 0.0
+        for k in range(3):
+            separation[k] = centres[0, k] - centres[1, k]
+        add_disturbance(stresslets[1], separation, disturbance[0], carried[0])
+        for k in range(3):
+            separation[k] = -separation[k]
+        add_disturbance(stresslets[0], separation, disturbance[1], carried[1])
+        local = np.empty((3, 3))
+        for which in range(2):
+            for p in range(3):
+                for q in range(3):
+                    local[p, q] = strain[p, q] + 0.5 * (disturbance[which, p, q] + disturbance[which, q, p])
+            if which == 0:
+                load = exerted(first, turns[0], local, stresslets[0])
+            else:
+                load = max(load, exerted(second, turns[1], local, stresslets[1]))
+    body_rates(first, turns[0], centres[0], gradient, disturbance[0], carried[0], velocities[0], spins[0])
+    body_rates(second, turns[1], centres[1], gradient, disturbance[1], carried[1], velocities[1], spins[1])
+    return load
+
+
+@njit(cache=True)
+def approach(first, second, turns, centres, gradient, strain, near, duration, step, limit):
+    """Bring two rigid bodies together until their centres are `near` apart; returns (time passed, largest load).
+
+    turns (2, 3, 3) and centres (2, 3) are carried along by the midpoint rule, second order.  It stops early when a
+    contact would bear more than `limit` of its strength, when they recede, or when `duration` has passed.
+    """
+    velocities, spins = np.empty((2, 3)), np.empty((2, 3))
+    middle_turns, middle = np.empty((2, 3, 3)), np.empty((2, 3))
+    turn, after = np.empty((3, 3)), np.empty((3, 3))
+    elapsed, largest = 0.0, 0.0
+    while elapsed < duration - 1e-12:
+        load = pair_rates(first, second, turns, centres, gradient, strain, velocities, spins)
+        if load > limit:
+            break
+        largest = max(largest, load)
+        distance = closing = 0.0
+        for k in range(3):
+            d = centres[1, k] - centres[0, k]
+            distance += d * d
+            closing += d * (velocities[1, k] - velocities[0, k])
+        distance = np.sqrt(distance)
+        closing = -closing / distance
+        if distance <= near or closing <= 0.0:
+            break
+        h = min(step, duration - elapsed, max(0.05 * distance, distance - near) / closing)
+        h = max(h, 1e-3)
+        for which in range(2):
+            rotation(spins[which] * (0.5 * h), turn)
+            multiply(turn, turns[which], middle_turns[which])
+            for k in range(3):
+                middle[which, k] = centres[which, k] + 0.5 * h * velocities[which, k]
+        pair_rates(first, second, middle_turns, middle, gradient, strain, velocities, spins)
+        for which in range(2):
+            rotation(spins[which] * h, turn)
+            multiply(turn, turns[which], after)
+            turns[which] = after
+            for k in range(3):
+                centres[which, k] += h * velocities[which, k]
+        elapsed += h
+    return elapsed, largest

@@ -1,0 +1,426 @@
+"""Rigid aggregates: how they turn in the flow, and what their contacts bear at any orientation.
+
+An aggregate without floppy modes moves as a rigid body, and statics alone says what its contacts bear: both its
+motion and its tensions are linear in the strain seen from the body, with coefficients found once.
+
+    Omega = omega_inf + Q spin(Q^T E Q),   V = u_inf + Q drift(Q^T E Q),   tension_b = rest_b + response_b : Q^T E Q
+
+Q turns body to laboratory.  The worst tension over all orientations follows from the eigenvalues of response_b:
+for symmetric tensors A and E the largest A : Q^T E Q is the sum of products of their sorted eigenvalues.  An
+aggregate whose worst tension stays below pull-off is *inert*: nothing can happen to it alone.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from mcdem.effects import contact_force, non_contact_force
+from mcdem.hydrodynamics import stokesian
+from mcdem.hydrodynamics.far_field import tensor_to_five
+from mcdem.linear_algebra import cholesky, solve_cholesky
+from mcdem.stepping.bodies import rotation
+from mcdem.stepping.contacts import FORCE_RANGE, equilibrium
+from mcdem.stepping.state import harmonic_radius
+
+RIGID = 0
+FLOPPY = 1
+FAILED = 2
+
+# Smallest pivot of the contact network's stiffness, over that of one contact, that counts as rigid.
+_RIGIDITY = 1e-4
+
+
+class RigidBody(NamedTuple):
+    """Response of a rigid aggregate to a uniform strain, in the orientation in which it was analysed."""
+
+    positions: np.ndarray  # (P, 3) about the centre
+    spin: np.ndarray  # (3, 5)
+    drift: np.ndarray  # (3, 5)
+    stresslet: np.ndarray  # (5, 5) exerted on the fluid
+    rest: np.ndarray  # (B,) tension without flow
+    response: np.ndarray  # (B, 5)
+    strength: np.ndarray  # (B,) pull-off force
+
+
+@njit(cache=True)
+def five_tensor(c, tensor):
+    """Symmetric traceless tensor (3, 3) of five components."""
+    s2, s6 = np.sqrt(2.0), np.sqrt(6.0)
+    tensor[0, 0] = c[0] / s2 - c[1] / s6
+    tensor[1, 1] = -c[0] / s2 - c[1] / s6
+    tensor[2, 2] = 2.0 * c[1] / s6
+    tensor[0, 1] = tensor[1, 0] = c[2] / s2
+    tensor[0, 2] = tensor[2, 0] = c[3] / s2
+    tensor[1, 2] = tensor[2, 1] = c[4] / s2
+
+
+@njit(cache=True)
+def sorted_eigenvalues(c):
+    """Eigenvalues, largest first, of the symmetric traceless tensor with five components c."""
+    a = np.empty((3, 3))
+    five_tensor(c, a)
+    squares = 0.0
+    for k in range(5):
+        squares += c[k] * c[k]
+    if squares == 0.0:
+        return 0.0, 0.0, 0.0
+    p = np.sqrt(squares / 6.0)
+    determinant = (
+        a[0, 0] * (a[1, 1] * a[2, 2] - a[1, 2] * a[1, 2])
+        - a[0, 1] * (a[0, 1] * a[2, 2] - a[1, 2] * a[0, 2])
+        + a[0, 2] * (a[0, 1] * a[1, 2] - a[1, 1] * a[0, 2])
+    )
+    angle = np.arccos(min(1.0, max(-1.0, determinant / (2.0 * p**3)))) / 3.0
+    largest = 2.0 * p * np.cos(angle)
+    smallest = 2.0 * p * np.cos(angle + 2.0 * np.pi / 3.0)
+    return largest, -largest - smallest, smallest
+
+
+@njit(cache=True)
+def worst_load(body, strain_five):
+    """Largest ratio, over contacts and orientations, of tension to pull-off force."""
+    e1, e2, e3 = sorted_eigenvalues(strain_five)
+    worst = 0.0
+    for b in range(body.rest.shape[0]):
+        a1, a2, a3 = sorted_eigenvalues(body.response[b])
+        worst = max(worst, (body.rest[b] + a1 * e1 + a2 * e2 + a3 * e3) / body.strength[b])
+    return worst
+
+
+@njit(cache=True)
+def empty_body(n):
+    """A body with no contacts."""
+    return RigidBody(
+        np.zeros((n, 3)),
+        np.zeros((3, 5)),
+        np.zeros((3, 5)),
+        np.zeros((5, 5)),
+        np.zeros(0),
+        np.zeros((0, 5)),
+        np.zeros(0),
+    )
+
+
+@njit(cache=True)
+def network_stiffness(positions, directions, pairs, slopes, count, stiffness):
+    """Stiffness (3P, 3P) of the contact network with its rigid motions stiffened, factorised; True if it is rigid."""
+    n = positions.shape[0]
+    stiffness[:] = 0.0
+    typical = 0.0
+    for b in range(count):
+        i, j = pairs[b, 0], pairs[b, 1]
+        typical = max(typical, slopes[b])
+        for k in range(3):
+            for m in range(3):
+                value = slopes[b] * directions[i, j, k] * directions[i, j, m]
+                stiffness[3 * i + k, 3 * j + m] -= value
+                if m <= k:
+                    stiffness[3 * i + k, 3 * i + m] += value
+                    stiffness[3 * j + k, 3 * j + m] += value
+    spread = 0.0
+    for i in range(n):
+        for k in range(3):
+            spread += positions[i, k] ** 2
+    for mode in range(6):
+        vector = np.zeros(3 * n)
+        for i in range(n):
+            if mode < 3:
+                vector[3 * i + mode] = 1.0 / np.sqrt(n)
+            else:
+                k, m = (mode - 2) % 3, (mode - 1) % 3
+                vector[3 * i + k] = -positions[i, m] / np.sqrt(spread)
+                vector[3 * i + m] = positions[i, k] / np.sqrt(spread)
+        for row in range(3 * n):
+            for column in range(row + 1):
+                stiffness[row, column] += typical * vector[row] * vector[column]
+    if cholesky(stiffness) != 0:
+        return False
+    for row in range(3 * n):
+        if stiffness[row, row] ** 2 < _RIGIDITY * typical:
+            return False
+    return True
+
+
+@njit(cache=True)
+def analyse(
+    positions, bonded, radii, cutoff, shifted, table, van_der_waals, double_layer, short_range, jkr, dmt
+):
+    """(RIGID, FLOPPY or FAILED, body) of one connected aggregate; positions (P, 3) about its centre, reduced units."""
+    n = radii.shape[0]
+    body = empty_body(n)
+    if n == 1:
+        for k in range(5):
+            body.stresslet[k, k] = -10.0 / 9.0 * radii[0] ** 3
+        return RIGID, body
+    count = 0
+    for i in range(n):
+        for j in range(i):
+            if bonded[i, j]:
+                count += 1
+    if count < 3 * n - 6 or count == 0:
+        return FLOPPY, body
+    work = stokesian.workspace(n)
+    stokesian.measure(positions, work.directions, work.distances)
+    pairs = np.empty((count, 2), np.int64)
+    slopes, rest, strength = np.empty(count), np.empty(count), np.empty(count)
+    unbalanced = np.zeros(3 * n)
+    b = 0
+    for i in range(n):
+        for j in range(i):
+            gap = work.distances[i, j] - radii[i] - radii[j]
+            radius = harmonic_radius(radii[i], radii[j])
+            if bonded[i, j]:
+                force, slope = contact_force(gap, radius, jkr, dmt)
+                _, stiff = equilibrium(radius, jkr, dmt)
+                pairs[b, 0], pairs[b, 1] = i, j
+                slopes[b] = max(-slope, 0.02 * stiff)
+                rest[b] = -force
+                strength[b] = pull_off_force(radius, jkr, dmt)
+                b += 1
+            elif gap < FORCE_RANGE:
+                force, _ = non_contact_force(gap, radius, van_der_waals, double_layer, short_range)
+            else:
+                continue
+            for k in range(3):
+                unbalanced[3 * i + k] += force * work.directions[i, j, k]
+                unbalanced[3 * j + k] -= force * work.directions[i, j, k]
+    stiffness = np.empty((3 * n, 3 * n))
+    if not network_stiffness(positions, work.directions, pairs, slopes, count, stiffness):
+        return FLOPPY, body
+    solve_cholesky(stiffness, unbalanced)
+    add_tensions(work.directions, pairs, slopes, unbalanced, rest)
+
+    if stokesian.far_field_resistance(work, radii) != 0:
+        return FAILED, body
+    drives = np.empty((5, 6 * n))
+    unit = np.zeros((5, 5))
+    tensor = np.empty((3, 3))
+    for k in range(5):
+        unit[k, k] = 1.0
+        stokesian.far_field_drive(work, unit[k])
+        drives[k] = work.drive
+    add_two_body_all(work, radii, unit, drives, cutoff, shifted, table)
+    if stokesian.eliminate_torques(work.resistance) != 0:
+        return FAILED, body
+    m = 3 * n
+    matrix = work.resistance[m:, m:]
+    modes = rigid_modes(positions)
+    pulled = np.zeros((6, m))
+    for mode in range(6):
+        symmetric_product(matrix, modes[mode], pulled[mode])
+    grand = np.zeros((6, 6))
+    for p in range(6):
+        for q in range(6):
+            for row in range(m):
+                grand[p, q] += modes[p, row] * pulled[q, row]
+    if cholesky(grand) != 0:
+        return FAILED, body
+    response = np.zeros((count, 5))
+    relative, load, motion = np.empty(m), np.empty(m), np.empty(6)
+    rates = np.empty(6 * n)
+    five = np.empty((n, 5))
+    for k in range(5):
+        drive = drives[k]
+        stokesian.reduce_drive(work.resistance, drive)
+        five_tensor(unit[k], tensor)
+        for i in range(n):
+            for c in range(3):
+                relative[3 * i + c] = -(
+                    tensor[c, 0] * positions[i, 0]
+                    + tensor[c, 1] * positions[i, 1]
+                    + tensor[c, 2] * positions[i, 2]
+                )
+        symmetric_product(matrix, relative, load)
+        for row in range(m):
+            load[row] -= drive[m + row]
+        for p in range(6):
+            motion[p] = 0.0
+            for row in range(m):
+                motion[p] -= modes[p, row] * load[row]
+        solve_cholesky(grand, motion)
+        for p in range(6):
+            for row in range(m):
+                load[row] += motion[p] * pulled[p, row]
+                relative[row] += motion[p] * modes[p, row]
+        for c in range(3):
+            body.drift[c, k] = motion[c]
+            body.spin[c, k] = motion[3 + c]
+        stokesian.angular_velocities(work.resistance, drive, relative, rates[:m])
+        rates[m:] = relative
+        stokesian.far_field_drive(work, unit[k])
+        stokesian.stresslets(work, radii, rates, unit[k], cutoff, table, five)
+        moment = np.zeros((3, 3))
+        for i in range(n):
+            for c in range(5):
+                body.stresslet[c, k] += five[i, c]
+            for c in range(3):
+                for e in range(3):
+                    product = 0.5 * load[3 * i + c] * positions[i, e]
+                    moment[c, e] += product
+                    moment[e, c] += product
+        trace = (moment[0, 0] + moment[1, 1] + moment[2, 2]) / 3.0
+        for c in range(3):
+            moment[c, c] -= trace
+        extra = np.empty(5)
+        tensor_to_five(moment, extra)
+        for c in range(5):
+            body.stresslet[c, k] += extra[c]
+        # Contacts supply the load: K displacement = -load.
+        for row in range(m):
+            load[row] = -load[row]
+        solve_cholesky(stiffness, load)
+        add_tensions(work.directions, pairs, slopes, load, response[:, k])
+    return RIGID, RigidBody(positions.copy(), body.spin, body.drift, body.stresslet, rest, response, strength)
+
+
+@njit(cache=True)
+def pull_off_force(radius, jkr, dmt):
+    """Largest tension a contact bears."""
+    if jkr is not None:
+        return jkr.pull_off_force * radius
+    return 0.0
+
+
+@njit(cache=True)
+def add_two_body_all(work, radii, unit, drives, cutoff, shifted, table):
+    """Lubrication into the resistance and into the drives (5, 6N) of the five unit strains."""
+    if table is not None:
+        tensor = np.empty((3, 3))
+        n = radii.shape[0]
+        for i in range(n):
+            for j in range(i):
+                true_gap = work.distances[i, j] - radii[i] - radii[j]
+                gap = max(true_gap, cutoff)
+                shift = gap - true_gap if shifted else 0.0
+                stokesian.lubrication.pair_scalars(gap, table, work.raw, work.scalars)
+                d = work.directions[j, i]
+                stokesian.lubrication.add_pair_resistance(work.scalars, i, j, d, work.resistance)
+                for k in range(5):
+                    five_tensor(unit[k], tensor)
+                    stokesian.lubrication.add_pair_drive(work.scalars, i, j, d, tensor, shift, drives[k])
+
+
+@njit(cache=True)
+def add_tensions(directions, pairs, slopes, displacement, out):
+    """out (B,) += tensions of linear contacts under displacements (3P,)."""
+    for b in range(pairs.shape[0]):
+        i, j = pairs[b, 0], pairs[b, 1]
+        for k in range(3):
+            out[b] += slopes[b] * directions[i, j, k] * (displacement[3 * i + k] - displacement[3 * j + k])
+
+
+@njit(cache=True)
+def rigid_modes(positions):
+    """Three translations and three rotations about the centre, (6, 3P)."""
+    n = positions.shape[0]
+    modes = np.zeros((6, 3 * n))
+    for i in range(n):
+        for k in range(3):
+            modes[k, 3 * i + k] = 1.0
+        x, y, z = positions[i, 0], positions[i, 1], positions[i, 2]
+        modes[3, 3 * i + 1], modes[3, 3 * i + 2] = -z, y
+        modes[4, 3 * i], modes[4, 3 * i + 2] = z, -x
+        modes[5, 3 * i], modes[5, 3 * i + 1] = -y, x
+    return modes
+
+
+@njit(cache=True)
+def symmetric_product(matrix, vector, out):
+    """out = matrix vector from the lower triangle of matrix (m, m)."""
+    out[:] = 0.0
+    for row in range(matrix.shape[0]):
+        total = matrix[row, row] * vector[row]
+        for column in range(row):
+            total += matrix[row, column] * vector[column]
+            out[column] += matrix[row, column] * vector[row]
+        out[row] += total
+
+
+@njit(cache=True)
+def turn_back(matrix, tensor, five):
+    """Components (5,) of Q^T tensor Q, with Q = matrix (3, 3)."""
+    turned = np.zeros((3, 3))
+    for p in range(3):
+        for q in range(3):
+            total = 0.0
+            for k in range(3):
+                for m in range(3):
+                    total += matrix[k, p] * tensor[k, m] * matrix[m, q]
+            turned[p, q] = total
+    tensor_to_five(turned, five)
+
+
+@njit(cache=True)
+def present_load(body, seen):
+    """Largest ratio of tension to pull-off force in the strain seen from the body, (5,)."""
+    worst = 0.0
+    for b in range(body.rest.shape[0]):
+        tension = body.rest[b]
+        for k in range(5):
+            tension += body.response[b, k] * seen[k]
+        worst = max(worst, tension / body.strength[b])
+    return worst
+
+
+@njit(cache=True)
+def turning_rate(body, matrix, gradient, strain, seen, rate):
+    """Angular velocity (3,) in the laboratory of a body turned by matrix (3, 3); fills the strain it sees."""
+    turn_back(matrix, strain, seen)
+    for k in range(3):
+        local = 0.0
+        for c in range(3):
+            spin = 0.0
+            for e in range(5):
+                spin += body.spin[c, e] * seen[e]
+            local += matrix[k, c] * spin
+        rate[k] = local
+    rate[0] += 0.5 * (gradient[2, 1] - gradient[1, 2])
+    rate[1] += 0.5 * (gradient[0, 2] - gradient[2, 0])
+    rate[2] += 0.5 * (gradient[1, 0] - gradient[0, 1])
+
+
+@njit(cache=True)
+def tumble(body, matrix, centre, gradient, strain, duration, step, limit):
+    """Turn a rigid body in the flow until `duration` has passed or its load exceeds `limit`.
+
+    matrix (3, 3) and centre (3,) are carried along (midpoint rule on rotations, second order; the centre follows
+    with the drift).  Returns (time passed, largest load met, whether the limit stopped it).
+    """
+    seen, rate = np.empty(5), np.empty(3)
+    half, turn, middle, after = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    velocity = np.empty(3)
+    elapsed, largest = 0.0, 0.0
+    while elapsed < duration - 1e-12:
+        h = min(step, duration - elapsed)
+        turning_rate(body, matrix, gradient, strain, seen, rate)
+        rotation(rate * (0.5 * h), half)
+        multiply(half, matrix, middle)
+        turning_rate(body, middle, gradient, strain, seen, rate)
+        for k in range(3):
+            velocity[k] = gradient[k, 0] * centre[0] + gradient[k, 1] * centre[1] + gradient[k, 2] * centre[2]
+            for c in range(3):
+                for e in range(5):
+                    velocity[k] += middle[k, c] * body.drift[c, e] * seen[e]
+        rotation(rate * h, turn)
+        multiply(turn, matrix, after)
+        turn_back(after, strain, seen)
+        load = present_load(body, seen)
+        if load > limit:
+            return elapsed, largest, True
+        largest = max(largest, load)
+        matrix[:] = after
+        for k in range(3):
+            centre[k] += h * velocity[k]
+        elapsed += h
+    return elapsed, largest, False
+
+
+@njit(cache=True)
+def multiply(a, b, out):
+    """out = a b for (3, 3)."""
+    for p in range(3):
+        for q in range(3):
+            out[p, q] = a[p, 0] * b[0, q] + a[p, 1] * b[1, q] + a[p, 2] * b[2, q]
