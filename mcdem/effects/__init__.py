@@ -60,6 +60,7 @@ __all__ = [
     "VanDerWaals",
     "contact_equilibrium",
     "contact_force",
+    "contact_pull_off_force",
     "contact_pull_off_gap",
     "contact_resistance",
     "non_contact_force",
@@ -165,6 +166,16 @@ def contact_pull_off_gap(radius, jkr, dmt):
     """Gap beyond which a contact is lost."""
     if jkr is not None:
         return jkr.pull_off_gap * radius ** (1.0 / 3.0)
+    return 0.0
+
+
+@njit(cache=True)
+def contact_pull_off_force(radius, jkr, dmt):
+    """Largest tension that a contact bears."""
+    if jkr is not None:
+        return jkr.pull_off_force * radius
+    if dmt is not None:
+        return dmt.pull_off_force * radius
     return 0.0
 
 

@@ -23,11 +23,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mcdem.effects import contact_force
+from mcdem.effects import contact_equilibrium, contact_force, contact_pull_off_gap
 from mcdem.hydrodynamics import stokesian
 from mcdem.linear_algebra import cholesky, solve_cholesky
 from mcdem.stepping.bodies import extrapolate, label_bodies
-from mcdem.stepping.contacts import add_non_contact_forces, equilibrium, pull_off_gap
+from mcdem.stepping.contacts import add_non_contact_forces
 from mcdem.stepping.state import (
     DONE,
     NOT_CONVERGED,
@@ -260,7 +260,7 @@ def solve_contacts(positions, radii, contacts, step, jkr, dmt, work):
                 work.normals[b, k] /= old + new
             radius = harmonic_radius(radii[i], radii[j])
             gap = new - radii[i] - radii[j]
-            rest, stiffness = equilibrium(radius, jkr, dmt)
+            rest, stiffness = contact_equilibrium(radius, jkr, dmt)
             if iteration < 2:
                 force, slope = -stiffness * (gap - rest), stiffness
             else:
@@ -297,7 +297,7 @@ def worst_overstretch(contacts, radii, jkr, dmt, work):
     worst, excess = -1, 0.0
     for b in range(contacts):
         i, j = work.pairs[b, 0], work.pairs[b, 1]
-        limit = pull_off_gap(harmonic_radius(radii[i], radii[j]), jkr, dmt)
+        limit = contact_pull_off_gap(harmonic_radius(radii[i], radii[j]), jkr, dmt)
         beyond = work.end_gaps[i, j] - limit
         if beyond > excess:
             worst, excess = b, beyond

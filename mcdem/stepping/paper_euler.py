@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mcdem.effects import contact_force
+from mcdem.effects import contact_force, contact_pull_off_gap
 from mcdem.hydrodynamics import stokesian
 from mcdem.linear_algebra import cholesky, solve_cholesky
-from mcdem.stepping.contacts import add_pair_force, pull_off_gap
+from mcdem.stepping.contacts import add_pair_force
 from mcdem.stepping.implicit import approach_speed, drive_at_middle, find_gaps, make_contact
 from mcdem.stepping.state import (
     DONE,
@@ -97,7 +97,7 @@ def advance_paper(motion, flow, physics, options, log, gaps, work, end_time):
     for i in range(n):
         for j in range(i):
             if motion.bonded[i, j]:
-                limit = pull_off_gap(harmonic_radius(radii[i], radii[j]), physics.jkr, physics.dmt)
+                limit = contact_pull_off_gap(harmonic_radius(radii[i], radii[j]), physics.jkr, physics.dmt)
                 if gaps[i, j] > limit:
                     note_contact_lost(motion, log, i, j, now)
             else:

@@ -17,12 +17,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mcdem.effects import contact_force, non_contact_force
+from mcdem.effects import contact_equilibrium, contact_force, contact_pull_off_force, non_contact_force
 from mcdem.hydrodynamics import stokesian
 from mcdem.hydrodynamics.far_field import tensor_to_five
 from mcdem.linear_algebra import cholesky, solve_cholesky
 from mcdem.stepping.bodies import rotation
-from mcdem.stepping.contacts import FORCE_RANGE, equilibrium
+from mcdem.stepping.contacts import FORCE_RANGE
 from mcdem.stepping.state import harmonic_radius
 
 RIGID = 0
@@ -174,11 +174,11 @@ def analyse(
             radius = harmonic_radius(radii[i], radii[j])
             if bonded[i, j]:
                 force, slope = contact_force(gap, radius, jkr, dmt)
-                _, stiff = equilibrium(radius, jkr, dmt)
+                _, stiff = contact_equilibrium(radius, jkr, dmt)
                 pairs[b, 0], pairs[b, 1] = i, j
                 slopes[b] = max(-slope, 0.02 * stiff)
                 rest[b] = -force
-                strength[b] = pull_off_force(radius, jkr, dmt)
+                strength[b] = contact_pull_off_force(radius, jkr, dmt)
                 b += 1
             elif gap < FORCE_RANGE:
                 force, _ = non_contact_force(gap, radius, van_der_waals, double_layer, short_range)
@@ -274,14 +274,6 @@ def analyse(
         solve_cholesky(stiffness, load)
         add_tensions(work.directions, pairs, slopes, load, response[:, k])
     return RIGID, RigidBody(positions.copy(), body.spin, body.drift, body.stresslet, rest, response, strength)
-
-
-@njit(cache=True)
-def pull_off_force(radius, jkr, dmt):
-    """Largest tension a contact bears."""
-    if jkr is not None:
-        return jkr.pull_off_force * radius
-    return 0.0
 
 
 @njit(cache=True)
