@@ -33,7 +33,9 @@ class RunDisplay:
 
     def __call__(self, now: simulate.Progress) -> None:
         """Show where the run stands."""
-        line = state(now.time, now.events, now.outcomes, now.mean_size, now.remaining)
+        # The first events wait for the compiler, and tell nothing of the pace.
+        remaining = now.remaining if now.done > 0.01 else None
+        line = state(now.time, now.events, now.outcomes, now.mean_size, remaining)
         self._bar.update(self._task, completed=now.done, state=line)
         if not self.console.is_terminal and now.elapsed >= self._next_line:
             self._next_line = now.elapsed + self.interval

@@ -86,7 +86,6 @@ def test_a_missing_scene(tmp_path):
 
 
 def test_an_existing_output_is_kept(tmp_path):
-    pytest.importorskip("mcdem.simulate")
     output = tmp_path / "precious.nc"
     output.write_text("precious")
     message = refusal("run", SCENES / "quickstart.toml", "-o", output, "--workers", 1)
