@@ -144,6 +144,28 @@ def test_aggregates_and_offsets_are_refused_by_name(tmp_path):
     assert message.startswith('--offset "300 Pa" has the wrong dimension (Pa); expected a length')
 
 
+@pytest.mark.parametrize(("ended_by", "code"), [("time", 0), ("events", 0), ("interruption", 130)])
+def test_exit_code_tells_an_interrupted_run(tmp_path, monkeypatch, ended_by, code):
+    from mcdem import simulate
+
+    asked = {}
+
+    def run(scene, output, **options):
+        asked.update(options, scene=scene.name, output=output)
+        return simulate.Summary(output, 1.5, 7, {"missed": 7}, ended_by, 7, 0, 0.1)
+
+    monkeypatch.setattr(simulate, "run", run)
+    output = tmp_path / "out.nc"
+    options = ["--seed", 5, "--until", "1500 ms", "--events", 7, "--workers", 1, "--resume"]
+    done = mcdem_command("run", SCENES / "quickstart.toml", "-o", output, *options)
+    assert done.exit_code == code, done.output
+    assert done.stdout == f"{output}: t = 1.5 s, 7 events (7 missed); ended by {ended_by}\n"
+    assert ("--resume" in done.stderr) == (code == 130)
+    passed = {key: asked[key] for key in ("seed", "until", "events", "workers", "resume", "overwrite")}
+    assert passed == dict(seed=5, until=1.5, events=7, workers=1, resume=True, overwrite=False)
+    assert (asked["scene"], asked["output"]) == ("quickstart", output)
+
+
 def test_usage_errors_exit_with_2():
     assert mcdem_command("run").exit_code == 2
     assert mcdem_command("run", SCENES / "quickstart.toml", "--events", "0").exit_code == 2
