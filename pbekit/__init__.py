@@ -1,10 +1,11 @@
 """Population balances in size and shape, fed by analytic kernels or by tabulated encounters."""
 
 from pbekit.balance import PopulationBalance
-from pbekit.encounters import Aggregation, Breakage, CollisionalBreakup, Restructuring
+from pbekit.encounters import Aggregation, Breakage, CollisionalBreakup, Restructuring, ShapeMemory
 from pbekit.errors import KernelError, PBEError, RangeWarning
 from pbekit.grid import Cells, Grid, TwoComponentGrid
 from pbekit.solve import integrate, solve
+from pbekit.steady import SteadyState, steady_state
 
 __all__ = [
     "Aggregation",
@@ -17,7 +18,10 @@ __all__ = [
     "PopulationBalance",
     "RangeWarning",
     "Restructuring",
+    "ShapeMemory",
+    "SteadyState",
     "TwoComponentGrid",
     "integrate",
     "solve",
+    "steady_state",
 ]

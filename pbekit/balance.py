@@ -18,8 +18,8 @@ class PopulationBalance:
 
     scheme : "fixed pivot" is bilinear, with exact Jacobian and sensitivities; "cell average" is 3 to 60 times better
         in the second moment per cell, and bilinear between kinks only
-    edge : "overflow": products beyond the last pivot leave into the explicit overflow; "closed": pairs that would make
-        them do not meet, so that a steady state exists
+    edge : "overflow": products beyond the last pivot leave into the explicit overflow; "closed": they are put
+        on the last pivot with their mass, not their number, so that a steady state exists; `edge_flux` says how much
     """
 
     def __init__(
@@ -71,3 +71,12 @@ class PopulationBalance:
         return compiled.jacobian_transposed(
             state, a.geometry, a.encounters, a.first_order, a.restructuring, self.averaged
         ).T
+
+    def edge_flux(self, population: np.ndarray) -> float:
+        """Mass that products beyond the last pivot carry, over the mass of all products, per unit time."""
+        open_edge = PopulationBalance(self.grid, self.events, self.scheme)
+        state = open_edge.state(population)
+        gained = open_edge.rhs(0.0, state)[self.cells + 1 :].sum()
+        jacobian = open_edge.jacobian(0.0, state)
+        passing = np.abs(np.diag(jacobian))[: self.cells] * state[: self.cells] @ self.grid.mass
+        return gained / passing

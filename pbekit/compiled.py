@@ -5,7 +5,7 @@
 All kernels stand in this one file, and call nothing outside it, so numba's own cache check sees every edit.
 
 How events become products, in three steps: cells meet (weights over pairs of cells), the products of a pair are a
-row over *slots* (a row per pair of classes; a class is a run of cells that break and grow alike, by default a size),
+row over *slots* (pairs of classes choose a row; a class is a run of cells of one size whose products are alike),
 slots become cells (a row of shapes per size and kind of event).  A slot is (kind of event v, size p).
 
 Legend: K cells, C classes, E kinds of pair event, V variants of product shapes, S sizes, T overflow entries
@@ -40,7 +40,8 @@ class Encounters(NamedTuple):
     weight: np.ndarray  # (E, K, K) rate times probability of the event, symmetric
     row: (
         np.ndarray
-    )  # (E, C (C + 1) / 2 + 1) int64 start of each product row; pair of classes A <= B is B (B + 1) / 2 + A
+    )  # (E, C (C + 1) / 2) int64 product row of each pair of classes A <= B, at B (B + 1) / 2 + A
+    start: np.ndarray  # (rows + 1,) int64 where each product row begins
     slot: np.ndarray  # (nnz,) int64
     number: np.ndarray  # (nnz,) products of the event that fall on the slot
     carried: np.ndarray  # (nnz,) the mass they carry; (0,) unless cell average
@@ -68,9 +69,10 @@ class Restructuring(NamedTuple):
 @njit(cache=True, fastmath=FAST)
 def _pair_rates(n, class_start, encounters, slots, slot_mass, consumed):
     """Add the products of all pair events to the slots, and the frequency of events to `consumed` (K,)."""
-    weight, row = encounters.weight, encounters.row
+    weight, row, start = encounters.weight, encounters.row, encounters.start
     classes = class_start.size - 1
     partial = np.empty(n.size)
+    events = np.zeros(start.size - 1)
     averaged = slot_mass.size > 0
     for e in range(weight.shape[0]):
         w = weight[e]
@@ -93,12 +95,13 @@ def _pair_rates(n, class_start, encounters, slots, slot_mass, consumed):
                     consumed[i] += partial[i]
                 if a == b:
                     frequency *= 0.5
-                if frequency != 0.0:
-                    pair = b * (b + 1) // 2 + a
-                    for r in range(row[e, pair], row[e, pair + 1]):
-                        slots[encounters.slot[r]] += frequency * encounters.number[r]
-                        if averaged:
-                            slot_mass[encounters.slot[r]] += frequency * encounters.carried[r]
+                events[row[e, b * (b + 1) // 2 + a]] += frequency
+    for k in range(events.size):
+        if events[k] != 0.0:
+            for r in range(start[k], start[k + 1]):
+                slots[encounters.slot[r]] += events[k] * encounters.number[r]
+                if averaged:
+                    slot_mass[encounters.slot[r]] += events[k] * encounters.carried[r]
 
 
 @njit(cache=True)
@@ -204,7 +207,7 @@ def right_hand_side(n, geometry, encounters, first_order, restructuring, average
 @njit(cache=True, fastmath=FAST)
 def _pair_slopes(n, class_start, encounters, slots, slot_mass, transposed):
     """d(slots)/dn_i as row i of `slots` (K, V W), and the derivative of the loss into `transposed`."""
-    weight, row = encounters.weight, encounters.row
+    weight, row, start = encounters.weight, encounters.row, encounters.start
     classes = class_start.size - 1
     averaged = slot_mass.shape[0] > 0
     for e in range(weight.shape[0]):
@@ -218,8 +221,8 @@ def _pair_slopes(n, class_start, encounters, slots, slot_mass, transposed):
                         met += wi[j] * n[j]
                     total += met
                     if met != 0.0:
-                        pair = b * (b + 1) // 2 + a if a <= b else a * (a + 1) // 2 + b
-                        for r in range(row[e, pair], row[e, pair + 1]):
+                        k = row[e, b * (b + 1) // 2 + a if a <= b else a * (a + 1) // 2 + b]
+                        for r in range(start[k], start[k + 1]):
                             slots[i, encounters.slot[r]] += met * encounters.number[r]
                             if averaged:
                                 slot_mass[i, encounters.slot[r]] += met * encounters.carried[r]

@@ -20,14 +20,28 @@ from pbekit.kernels import as_kernel, evaluate
 
 
 @dataclass(frozen=True, eq=False)
+class ShapeMemory:
+    """Shapes of products that remember the larger parent (of two equal ones, the one of higher shape class).
+
+    shares : (G + 1, K) probabilities of a product's shape given its size; row 0 if the larger parent has one shape
+        only (P = 1, 2), row 1 + g if its shape is in group g
+    group_of_shape : (shapes,) non-decreasing, group 0 ... G - 1 of each shape class
+    """
+
+    shares: np.ndarray
+    group_of_shape: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Aggregation:
     """i + j -> one aggregate with the mass of both.
 
-    kernel : Kernel, function, array or number; shape : shares of the product's shape, (shapes,) or (K,)
+    kernel : Kernel, function, array or number; shape : shares of the product's shape, (shapes,) or (K,), or a
+    ShapeMemory
     """
 
     kernel: object
-    shape: np.ndarray | None = None
+    shape: np.ndarray | ShapeMemory | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,16 +86,21 @@ MASS_TOLERANCE = 1e-12
 class _Rows:
     """Product rows, gathered in compressed form."""
 
-    def __init__(self, grid, averaged: bool):
-        self.grid, self.averaged = grid, averaged
+    def __init__(self, grid, averaged: bool, closed: bool):
+        self.grid, self.averaged, self.closed = grid, averaged, closed
         self.slot: list[np.ndarray] = []
         self.number: list[np.ndarray] = []
         self.carried: list[np.ndarray] = []
         self.length: list[np.ndarray] = []
 
+    @property
+    def count(self) -> int:
+        return sum(len(part) for part in self.length)
+
     def add_dense(self, number, carried, offset, parents, name):
+        """One row from a vector over the slots."""
         keep = np.flatnonzero((number != 0) | (carried != 0))
-        self._check(keep[None], number[keep][None], carried[keep][None], np.atleast_2d(parents), name)
+        self.check(keep[None], number[keep][None], carried[keep][None], np.atleast_2d(parents), name)
         self.add_block(keep[None] + offset, number[keep][None], carried[keep][None])
 
     def add_block(self, slot, number, carried):
@@ -93,12 +112,13 @@ class _Rows:
 
     def corners(self, products, offset, parents, name):
         """Rows of one product each; products (n, M) masses, parents (n, M) the masses they must carry."""
-        slot, number, carried = self.grid.corners(products, self.averaged)
+        slot, number, carried = self.grid.corners(products, self.averaged, self.closed)
         carried = np.zeros_like(number) if carried is None else carried
-        self._check(slot, number, carried, parents, name)
+        self.check(slot, number, carried, parents, name)
         self.add_block(slot + offset, number, carried)
 
-    def _check(self, slot, number, carried, parents, name):
+    def check(self, slot, number, carried, parents, name):
+        """Refuse rows that do not carry the parents' mass."""
         grid = self.grid
         if isinstance(grid, TwoComponentGrid):
             masses = np.concatenate([grid.masses, np.zeros((1, 2)), np.eye(2)])
@@ -118,15 +138,15 @@ class _Rows:
         return starts, join(self.slot, np.int64), join(self.number, float), carried
 
 
-def _place_fragments(grid, daughters: Daughters, parent: float, averaged: bool):
+def _place_fragments(grid, daughters: Daughters, parent: float, averaged: bool, closed: bool):
     if isinstance(grid, TwoComponentGrid):
         raise PBEError(
             "two-component grids take daughters as a function that returns (masses (n, 2), numbers)"
         )
     if grid.discrete or type(daughters).pieces is not Daughters.pieces:
         mass, number = daughters.pieces(parent)
-        return grid.place(mass, number, averaged)
-    return grid.place_density(*daughters.cumulative(parent), parent, averaged)
+        return grid.place(mass, number, averaged, closed)
+    return grid.place_density(*daughters.cumulative(parent), parent, averaged, closed)
 
 
 @dataclass
@@ -139,59 +159,50 @@ class Assembled:
     restructuring: compiled.Restructuring | None
 
 
+class _Variants:
+    """The kinds of shape rows in use; equal rows are kept once."""
+
+    def __init__(self, grid):
+        self.grid = grid
+        self.shares: list[np.ndarray] = []
+        self.width = grid.sizes + 1 + grid.masses.shape[1]
+
+    def offset(self, share) -> int:
+        """First slot of the variant with these shares."""
+        share = self.grid.same_shape_share(share)
+        for v, known in enumerate(self.shares):
+            if np.array_equal(known, share):
+                return v * self.width
+        self.shares.append(share)
+        return (len(self.shares) - 1) * self.width
+
+
 def assemble(grid: Grid | TwoComponentGrid, events: list, averaged: bool, closed: bool) -> Assembled:
     """Events on a grid as arrays for the compiled balance.
 
-    closed : pairs whose joint mass is beyond the last pivot do not meet; nothing leaves the grid
+    closed : products beyond the last pivot are put on it with their mass, not their number; nothing leaves the grid
     """
     if averaged and isinstance(grid, TwoComponentGrid):
         raise PBEError("cell average is for one mass coordinate; a two-component grid uses the fixed pivot")
     for event in events:
         if not isinstance(event, Event):
             raise PBEError(
-                f"events: expected Aggregation, CollisionalBreakup, Breakage or Restructuring, got {event!r}"
+                f"events: got {event!r}, expected Aggregation, CollisionalBreakup, Breakage or Restructuring"
             )
-    masses, sizes = grid.masses, grid.size_of_cell
-    class_start = np.concatenate([np.flatnonzero(np.diff(sizes, prepend=-1)), [grid.cells]]).astype(np.int64)
-    tail = 1 + masses.shape[1]
-    width = grid.sizes + tail
-    shares: list[np.ndarray] = []
-
-    def variant(share):
-        share = grid.same_shape_share(share)
-        for v, known in enumerate(shares):
-            if np.array_equal(known, share):
-                return v
-        shares.append(share)
-        return len(shares) - 1
-
-    class_mass = masses[class_start[:-1]]  # (C, M)
-    b, a = np.tril_indices(len(class_mass))  # row-major lower triangle: pair index b (b + 1) / 2 + a
-    joint = class_mass[a] + class_mass[b]
+    variants = _Variants(grid)
+    group = _groups(grid, events)
+    sizes = grid.size_of_cell
+    runs = sizes * (group.max() + 1) + group
+    class_start = np.concatenate([np.flatnonzero(np.diff(runs, prepend=-1)), [grid.cells]]).astype(np.int64)
 
     pair_events = [e for e in events if isinstance(e, (Aggregation, CollisionalBreakup))]
-    encounters = None
-    if pair_events:
-        rows, weights, starts = _Rows(grid, averaged), [], []
-        for event in pair_events:
-            kernel = as_kernel(event.kernel)
-            weight = evaluate(kernel, grid.state)
-            if closed:
-                weight = np.where(_beyond(grid, masses), 0.0, weight)
-            weights.append(weight)
-            starts.append(sum(len(part) for part in rows.length))
-            offset = variant(event.shape) * width
-            if isinstance(event, Aggregation):
-                rows.corners(joint, offset, joint, kernel.name)
-            else:
-                _collisional_rows(grid, event, rows, class_mass, a, b, weight, class_start, offset, averaged)
-        start, slot, number, carried = rows.finish()
-        row = np.stack([start[s : s + len(joint) + 1] for s in starts])
-        encounters = compiled.Encounters(np.ascontiguousarray(weights), row, slot, number, carried)
-
+    encounters = (
+        _encounters(grid, pair_events, class_start, group, variants, averaged, closed)
+        if pair_events
+        else None
+    )
     first = [e for e in events if isinstance(e, Breakage)]
-    first_order = _first_order(grid, first, variant, width, averaged) if first else None
-
+    first_order = _first_order(grid, first, variants.offset, averaged, closed) if first else None
     reshaping = [e for e in events if isinstance(e, Restructuring)]
     if len(reshaping) > 1:
         raise PBEError(
@@ -199,56 +210,101 @@ def assemble(grid: Grid | TwoComponentGrid, events: list, averaged: bool, closed
         )
     restructuring = _restructuring(grid, reshaping[0]) if reshaping else None
 
-    if not shares:
-        shares.append(np.ones(grid.cells))
-    none = np.full(grid.cells, -1)
+    step = (
+        (lambda by: grid.neighbour(by))
+        if averaged and isinstance(grid, Grid)
+        else (lambda by: np.full(grid.cells, -1))
+    )
     geometry = compiled.Geometry(
         class_start,
         sizes.astype(np.int64),
-        np.ascontiguousarray(shares),
+        np.ascontiguousarray(variants.shares or [np.ones(grid.cells)]),
         np.ascontiguousarray(grid.mass),
-        (grid.neighbour(1) if averaged and isinstance(grid, Grid) else none).astype(np.int64),
-        (grid.neighbour(-1) if averaged and isinstance(grid, Grid) else none).astype(np.int64),
-        tail,
+        step(1).astype(np.int64),
+        step(-1).astype(np.int64),
+        variants.width - grid.sizes,
     )
     return Assembled(geometry, encounters, first_order, restructuring)
 
 
-def _beyond(grid, masses):
-    """(K, K) whether the joint mass of two cells is beyond the last pivot."""
-    if isinstance(grid, TwoComponentGrid):
-        top = np.array([grid.first[-1], grid.second[-1]])
-        return ((masses[:, None] + masses[None, :]) > top * (1 + 1e-12)).any(axis=2)
-    return (grid.mass[:, None] + grid.mass[None, :]) > grid.pivots[-1] * (1 + 1e-12)
+def _groups(grid, events) -> np.ndarray:
+    """(K,) shape group of each cell that products remember: 0 none, 1 + g."""
+    memories = [e.shape for e in events if isinstance(getattr(e, "shape", None), ShapeMemory)]
+    if not memories:
+        return np.zeros(grid.cells, int)
+    of_shape = np.asarray(memories[0].group_of_shape, int)
+    if any(not np.array_equal(m.group_of_shape, of_shape) for m in memories):
+        raise PBEError("events: every ShapeMemory must use the same groups of shapes")
+    if of_shape.shape != (grid.shapes,) or np.any(np.diff(of_shape) < 0) or of_shape.min() != 0:
+        raise PBEError(
+            f"ShapeMemory: groups must ascend from 0, one per shape class ({grid.shapes}), got {of_shape}"
+        )
+    return np.where(grid.shape_of_cell < 0, 0, 1 + of_shape[grid.shape_of_cell])
 
 
-def _collisional_rows(grid, event, rows, class_mass, a, b, weight, class_start, offset, averaged):
-    two = isinstance(grid, TwoComponentGrid)
+def _encounters(grid, events, class_start, group, variants, averaged, closed) -> compiled.Encounters:
+    first_cell = class_start[:-1]
+    class_size, class_group = grid.size_of_cell[first_cell], group[first_cell]
+    cb, ca = np.tril_indices(len(first_cell))  # row-major lower triangle: pair index b (b + 1) / 2 + a
+    low = np.minimum(class_size[ca], class_size[cb])
+    high = np.maximum(class_size[ca], class_size[cb])
+    size_pair = high * (high + 1) // 2 + low
+    larger = np.where(
+        class_size[ca] == class_size[cb], np.maximum(class_group[ca], class_group[cb]), class_group[cb]
+    )
+    size_mass = grid.masses[np.searchsorted(grid.size_of_cell, np.arange(grid.sizes))]
+    high_size, low_size = np.tril_indices(grid.sizes)
+
+    rows, weights, row_of_pair = _Rows(grid, averaged, closed), [], []
+    for event in events:
+        kernel = as_kernel(event.kernel)
+        weight = evaluate(kernel, grid.state)
+        weights.append(weight)
+        start = rows.count
+        memory = event.shape if isinstance(event.shape, ShapeMemory) else None
+        shares = [event.shape] if memory is None else list(memory.shares)
+        for share in shares:
+            offset = variants.offset(share)
+            if isinstance(event, Aggregation):
+                joint = size_mass[low_size] + size_mass[high_size]
+                rows.corners(joint, offset, joint, kernel.name)
+            else:
+                _collisional_rows(grid, event, rows, size_mass, low_size, high_size, weight, offset)
+        row_of_pair.append(start + size_pair + (0 if memory is None else larger * high_size.size))
+    start, slot, number, carried = rows.finish()
+    return compiled.Encounters(
+        np.ascontiguousarray(weights), np.array(row_of_pair, np.int64), start, slot, number, carried
+    )
+
+
+def _collisional_rows(grid, event, rows, size_mass, low_size, high_size, weight, offset):
+    two, averaged, closed = isinstance(grid, TwoComponentGrid), rows.averaged, rows.closed
     of_pair: Callable | None = None
     if not isinstance(event.daughters, Daughters) and callable(event.daughters):
         of_pair = event.daughters
     name = getattr(event.daughters, "name", getattr(of_pair, "__name__", "daughters"))
     # Pairs that never meet get an empty row.
-    meets = np.add.reduceat(np.add.reduceat(weight, class_start[:-1], axis=0), class_start[:-1], axis=1) > 0
+    first_cell = np.searchsorted(grid.size_of_cell, np.arange(grid.sizes))
+    meets = np.add.reduceat(np.add.reduceat(weight, first_cell, axis=0), first_cell, axis=1) > 0
     cached: dict = {}
     empty = np.zeros(0, int)
-    for ca, cb in zip(a, b):
-        if not meets[ca, cb]:
+    for i, j in zip(low_size, high_size):
+        if not meets[i, j]:
             rows.add_block(empty[None], np.zeros((1, 0)), np.zeros((1, 0)))
             continue
-        parents = class_mass[ca] + class_mass[cb]
+        parents = size_mass[i] + size_mass[j]
         if of_pair is not None:
-            mass, number = of_pair(*(class_mass[c] if two else class_mass[c, 0] for c in (ca, cb)))
-            placed = _placed_pieces(grid, mass, number, parents, averaged, name)
+            mass, number = of_pair(*(size_mass[s] if two else size_mass[s, 0] for s in (i, j)))
+            placed = _placed_pieces(grid, mass, number, parents, averaged, closed, name)
         else:
             key = float(parents[0])
             if key not in cached:
-                cached[key] = _place_fragments(grid, as_daughters(event.daughters), key, averaged)
+                cached[key] = _place_fragments(grid, as_daughters(event.daughters), key, averaged, closed)
             placed = cached[key]
         rows.add_dense(*placed, offset, parents, name)
 
 
-def _placed_pieces(grid, mass, number, parents, averaged, name):
+def _placed_pieces(grid, mass, number, parents, averaged, closed, name):
     mass = np.asarray(mass, float).reshape(-1, len(parents))
     number = np.asarray(number, float).ravel()
     total = number @ mass
@@ -262,32 +318,33 @@ def _placed_pieces(grid, mass, number, parents, averaged, name):
         slot, share, _ = grid.corners(mass)
         placed = np.bincount(slot.ravel(), (share * number[:, None]).ravel(), grid.cells + 3)
         return placed, np.zeros_like(placed)
-    return grid.place(mass, number * (parents[0] / total[0]), averaged)
+    return grid.place(mass, number * (parents[0] / total[0]), averaged, closed)
 
 
-def _first_order(grid, events, variant, width, averaged) -> compiled.FirstOrder:
+def _first_order(grid, events, offset_of, averaged, closed) -> compiled.FirstOrder:
     """Several laws of breakage add to one rate with the mixture of their daughters."""
     rates = [evaluate_rate(e.rate, grid.state) for e in events]
     total = np.sum(rates, axis=0)
-    rows = _Rows(grid, averaged)
+    rows = _Rows(grid, averaged, closed)
     two = isinstance(grid, TwoComponentGrid)
-    slots_per_variant = [variant(e.shape) * width for e in events]
+    offsets = [offset_of(e.shape) for e in events]
     for k in range(grid.cells):
         parents = grid.masses[k]
         slot, number, carried = [np.zeros(0, int)], [np.zeros(0)], [np.zeros(0)]
-        for event, rate, offset in zip(events, rates, slots_per_variant):
+        for event, rate, offset in zip(events, rates, offsets):
             if rate[k] == 0:
                 continue
             if two:
                 mass, pieces = event.daughters(parents)
-                n, m = _placed_pieces(
-                    grid, mass, pieces, parents, averaged, getattr(event.daughters, "__name__", "")
-                )
+                name = getattr(event.daughters, "__name__", "daughters")
+                n, m = _placed_pieces(grid, mass, pieces, parents, averaged, closed, name)
             else:
-                n, m = _place_fragments(grid, as_daughters(event.daughters), float(parents[0]), averaged)
+                n, m = _place_fragments(
+                    grid, as_daughters(event.daughters), float(parents[0]), averaged, closed
+                )
             keep = np.flatnonzero((n != 0) | (m != 0))
             name = getattr(event.daughters, "name", "daughters")
-            rows._check(keep[None], n[keep][None], m[keep][None], parents[None], name)
+            rows.check(keep[None], n[keep][None], m[keep][None], parents[None], name)
             slot.append(keep + offset)
             number.append(n[keep] * rate[k] / total[k])
             carried.append(m[keep] * rate[k] / total[k])

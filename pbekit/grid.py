@@ -185,12 +185,13 @@ class Grid:
 
     # -- where products go -------------------------------------------------------------------------------------
 
-    def corners(self, mass: np.ndarray, cell_average: bool = False):
+    def corners(self, mass: np.ndarray, cell_average: bool = False, closed: bool = False):
         """Slots that share one product of each given mass: (slot, number, mass), each (n, 2).
 
         Fixed pivot (Kumar & Ramkrishna 1996): shared between the two neighbouring pivots so that number and mass are
         kept.  Cell average (Kumar et al. 2006): the cell that holds the mass.  Slots S and S + 1 are the overflow's
-        number and mass; a product below the first pivot keeps its mass, not its number.
+        number and mass; a product below the first pivot keeps its mass, not its number, and so does one beyond the last
+        pivot of a closed grid.
         """
         x = np.asarray(mass, float).reshape(-1)
         slot, number, carried = np.zeros((x.size, 2), int), np.zeros((x.size, 2)), np.zeros((x.size, 2))
@@ -211,14 +212,20 @@ class Grid:
                 upper = np.where(np.abs(upper) < 1e-12, 0.0, np.where(np.abs(upper - 1) < 1e-12, 1.0, upper))
             number[:, 0], number[:, 1] = np.where(low, x / self.pivots[0], 1 - upper), upper
             carried[:] = number * self.pivots[slot]
-        slot[over] = [self.sizes, self.sizes + 1]
-        number[over, 0], number[over, 1] = 1.0, np.asarray(mass, float).reshape(-1)[over]
-        carried[over] = 0.0
+        beyond = np.asarray(mass, float).reshape(-1)[over]
+        if closed:
+            slot[over] = self.sizes - 1
+            number[over] = np.stack([beyond / self.pivots[-1], 0 * beyond], axis=1)
+            carried[over] = number[over] * self.pivots[-1]
+        else:
+            slot[over] = [self.sizes, self.sizes + 1]
+            number[over] = np.stack([np.ones_like(beyond), beyond], axis=1)
+            carried[over] = 0.0
         return slot, number, carried
 
-    def place(self, mass: np.ndarray, number: np.ndarray, cell_average: bool = False):
+    def place(self, mass: np.ndarray, number: np.ndarray, cell_average: bool = False, closed: bool = False):
         """`number` products of each given mass, summed over the slots: (number, mass), each (S + 2,)."""
-        slot, share, carried = self.corners(mass, cell_average)
+        slot, share, carried = self.corners(mass, cell_average, closed)
         weight = np.asarray(number, float).reshape(-1, 1)
         size = self.sizes + 2
         return (
@@ -226,7 +233,9 @@ class Grid:
             np.bincount(slot.ravel(), (carried * weight).ravel(), size),
         )
 
-    def place_density(self, number_below, mass_below, upto: float, cell_average: bool = False):
+    def place_density(
+        self, number_below, mass_below, upto: float, cell_average: bool = False, closed: bool = False
+    ):
         """The same for a continuous density up to mass `upto`, by its exact cumulative number and mass."""
         out, out_mass = np.zeros(self.sizes + 2), np.zeros(self.sizes + 2)
 
@@ -237,12 +246,17 @@ class Grid:
         x = self.pivots
         top = x[-1]
         n, m = between(np.array([top]), np.array([np.inf if np.isinf(upto) else max(upto, top)]))
-        out[-2], out[-1] = n[0], m[0]
+        if closed:
+            out[-3] += m[0] / top
+            out_mass[-3] += m[0] if cell_average else 0.0
+        else:
+            out[-2], out[-1] = n[0], m[0]
         if cell_average:
             high = np.minimum(self.edges[1:], top)
             n, m = between(np.minimum(self.edges[:-1], top), high)
             first = between(np.zeros(1), self.edges[:1])
-            out[:-2], out_mass[:-2] = n, m
+            out[:-2] += n
+            out_mass[:-2] += m
             # Dust below the grid: mass is kept, on the first pivot.
             out[0] += first[1][0] / x[0]
             out_mass[0] += first[1][0]
@@ -315,7 +329,7 @@ class TwoComponentGrid:
             raise PBEError("a two-component grid has no shapes")
         return np.ones(self.cells)
 
-    def corners(self, mass: np.ndarray, cell_average: bool = False):
+    def corners(self, mass: np.ndarray, cell_average: bool = False, closed: bool = False):
         """Slots that share one product of each given pair of masses (n, 2): (slot, number, None), each (n, 4)."""
         if cell_average:
             raise PBEError(

@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.integrate import solve_ivp
+from scipy.integrate import odeint, solve_ivp
 
 from pbekit import moments
 from pbekit.balance import PopulationBalance
 from pbekit.errors import PBEError
-
-STIFF = ("BDF", "Radau", "LSODA")
 
 
 def integrate(
@@ -43,10 +41,28 @@ def integrate(
             progress(t)
             return balance.rhs(t, y)
 
-    options: dict[str, Any] = dict(jac=balance.jacobian) if method in STIFF else {}
-    solution = solve_ivp(
-        rhs, (times[0], times[-1]), start, method=method, t_eval=times, rtol=rtol, atol=atol, **options
-    )
+    if method == "LSODA":
+        # The same integrator as solve_ivp's, but its steps do not pass through Python.
+        states, info = odeint(
+            rhs,
+            start,
+            times,
+            Dfun=balance.jacobian,
+            tfirst=True,
+            rtol=rtol,
+            atol=atol,
+            mxstep=100_000,
+            full_output=True,
+        )
+        if info["message"] != "Integration successful.":
+            raise PBEError(f"integration with LSODA stopped before t = {times[-1]:g}: {info['message']}")
+        return states
+    options: dict[str, Any] = dict(jac=balance.jacobian) if method in ("BDF", "Radau") else {}
+    # scipy's BDF subtracts entries of its history that it has not filled yet.
+    with np.errstate(invalid="ignore"):
+        solution = solve_ivp(
+            rhs, (times[0], times[-1]), start, method=method, t_eval=times, rtol=rtol, atol=atol, **options
+        )
     if not solution.success:
         raise PBEError(f"integration with {method} stopped at t = {solution.t[-1:]}: {solution.message}")
     return solution.y.T
