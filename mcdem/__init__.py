@@ -16,6 +16,9 @@ from mcdem import compiled_cache
 
 if TYPE_CHECKING:
     from mcdem.aggregate import Aggregate as Aggregate
+    from mcdem.capture import PairEfficiency as PairEfficiency
+    from mcdem.capture import critical_offset as critical_offset
+    from mcdem.capture import pair_efficiency as pair_efficiency
     from mcdem.encounter import EncounterResult as EncounterResult
     from mcdem.encounter import Recorder as Recorder
     from mcdem.encounter import simulate_encounter as simulate_encounter
@@ -31,11 +34,14 @@ compiled_cache.key_by_sources(Path(__file__).parent)
 _HOME = {
     "Aggregate": "mcdem.aggregate",
     "EncounterResult": "mcdem.encounter",
+    "PairEfficiency": "mcdem.capture",
     "Recorder": "mcdem.encounter",
     "Scene": "mcdem.scene",
     "UserError": "mcdem.errors",
     "Velocities": "mcdem.free_spheres",
+    "critical_offset": "mcdem.capture",
     "load_scene": "mcdem.scene",
+    "pair_efficiency": "mcdem.capture",
     "simulate_encounter": "mcdem.encounter",
     "velocities": "mcdem.free_spheres",
 }
@@ -43,11 +49,14 @@ _HOME = {
 __all__ = [
     "Aggregate",
     "EncounterResult",
+    "PairEfficiency",
     "Recorder",
     "Scene",
     "UserError",
     "Velocities",
+    "critical_offset",
     "load_scene",
+    "pair_efficiency",
     "simulate_encounter",
     "velocities",
 ]

@@ -32,7 +32,7 @@ def refusal(*arguments):
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--help"], *([name, "--help"] for name in ("run", "plot", "encounter", "describe"))]
+    "arguments", [["--help"], *([name, "--help"] for name in ("run", "plot", "encounter", "efficiency", "describe"))]
 )
 def test_help(arguments):
     done = mcdem_command(*arguments)

@@ -1,0 +1,132 @@
+"""`mcdem efficiency`: the pair efficiency eta_11 of a scene."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mcdem.commands import SceneFile
+from mcdem.errors import UserError
+
+if TYPE_CHECKING:
+    from mcdem.capture import PairEfficiency
+    from mcdem.scene import Scene
+
+STEPS = (2.0, 1.0, 0.5, 0.25)
+"""Steps tried by --steps, over the scene's."""
+
+
+def efficiency(
+    scene: SceneFile,
+    steps: Annotated[bool, typer.Option("--steps", help="Show how it converges with the step.")] = False,
+    cutoff: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DELTA,...",
+            help="Show it against the lubrication cut-off, for both readings of it: 0,1e-4,1e-3,5e-3,1e-2.",
+        ),
+    ] = None,
+) -> None:
+    """Compute the efficiency eta_11 with which two primaries that meet form a doublet.
+
+    Found from the critical offsets of exact encounters, without sampling, and told with its numerical error next to the law of
+    van de Ven & Mason (Eq. 23 of the paper).
+    """
+    cutoffs = read_cutoffs(cutoff) if cutoff is not None else []
+
+    from rich.console import Console
+
+    from mcdem.capture import critical_offset, pair_efficiency
+    from mcdem.scene import load_scene
+
+    loaded = load_scene(scene)
+    console = Console(highlight=False)
+    found = pair_efficiency(loaded)
+    for line in told(loaded, found, critical_offset(loaded, 0.0)):
+        console.print(line)
+    if steps:
+        console.print(against_steps(loaded))
+    if cutoffs:
+        console.print(against_cutoff(loaded, cutoffs))
+
+
+def read_cutoffs(given: str) -> list[float]:
+    """The numbers of --cutoff."""
+    try:
+        values = [float(part) for part in given.split(",")]
+    except ValueError:
+        raise UserError(f'--cutoff "{given}": expected numbers between commas, such as 0,1e-3,5e-3') from None
+    if not all(0.0 <= value < 1.0 for value in values):
+        raise UserError(f'--cutoff "{given}": expected gaps over the radius, from 0 to below 1')
+    return values
+
+
+def told(scene: Scene, found: PairEfficiency, offset: float) -> list[str]:
+    """What was found, in words."""
+    from mcdem.capture import attraction_number, initial_growth, van_de_ven_mason
+
+    attraction, law = attraction_number(scene), van_de_ven_mason(scene)
+    lines = [
+        f"eta_11 = {found.efficiency:.5f} +- {found.error:.5f}  ({found.error / found.efficiency:.1%})"
+        if found.efficiency > 0.0
+        else "eta_11 = 0: no offset ends in a doublet",
+        f"  error: quadrature {found.quadrature_error:.1e}, steps {found.step_error:.1e}, "
+        f"bisection {found.bisection_error:.1e}, approaches too long {found.unresolved_error:.1e}",
+        f"critical offset y_c(0) = {offset / scene.suspension.radius:.4f} a",
+        f"initial slope of <P> (Eq. 22) = {initial_growth(scene, found.efficiency):.4g} 1/s",
+    ]
+    if attraction > 0.0:
+        range_ = "" if attraction >= 1e-4 else ", below its range (above 1e-4)"
+        lines.append(
+            f"Eq. 23, 0.95 C_A^0.18 = {law:.5f}  (C_A = {attraction:.2e}{range_}; "
+            f"eta_11 is {found.efficiency / law - 1.0:+.1%} from it)"
+        )
+    return lines
+
+
+def against_steps(scene: Scene):
+    """eta_11 and y_c(0) for several steps."""
+    from rich.table import Table
+
+    from mcdem.capture import critical_offset, pair_efficiency
+
+    table = Table("step", "eta_11", "change", "y_c(0)/a", "change", title="against the step")
+    paper = scene.numerics.scheme == "paper"
+    key = "paper_base_step" if paper else "max_step"
+    step = getattr(scene.numerics, key)
+    before: tuple[float, float] | None = None
+    for factor in STEPS:
+        numerics = scene.numerics.model_copy(update={key: factor * step})
+        changed = scene.model_copy(update={"numerics": numerics})
+        row = (
+            pair_efficiency(changed).efficiency,
+            critical_offset(changed, 0.0) / scene.suspension.radius,
+        )
+        changes = [f"{new / old - 1.0:+.2%}" for new, old in zip(row, before)] if before else ["", ""]
+        unit = " s" if paper else "/g"
+        table.add_row(f"{factor * step:g}{unit}", f"{row[0]:.5f}", changes[0], f"{row[1]:.5f}", changes[1])
+        before = row
+    return table
+
+
+def against_cutoff(scene: Scene, cutoffs: list[float]):
+    """eta_11 for several cut-offs and both readings of what lies below them."""
+    from rich.table import Table
+
+    from mcdem.capture import pair_efficiency, van_de_ven_mason
+
+    law = van_de_ven_mason(scene)
+    table = Table(
+        "delta", "frozen matrix", "over Eq. 23", "frozen gap", "over Eq. 23", title="against the cut-off"
+    )
+    for delta in cutoffs:
+        cells = []
+        for reading in ("matrix", "gap"):
+            hydrodynamics = scene.hydrodynamics.model_copy(
+                update={"lubrication_cutoff": delta, "cutoff_reading": reading}
+            )
+            found = pair_efficiency(scene.model_copy(update={"hydrodynamics": hydrodynamics}))
+            cells += [f"{found.efficiency:.5f} +- {found.error:.5f}", f"{found.efficiency / law:.3f}"]
+        table.add_row(f"{delta:g}", *cells)
+    return table
