@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from mcdem.cli import app
 from mcdem.errors import SceneError
 from mcdem.scene import Scene
 
@@ -29,6 +30,20 @@ def test_the_error_is_the_one_printed():
     with pytest.raises(SceneError) as caught:
         Scene.from_text(wrong, "scene.toml")
     assert f"error: {caught.value}" in block("console")
+
+
+def test_the_python_runs(capsys, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    names = {}
+    exec(compile(block("python"), "README.md", "exec"), names)
+    assert capsys.readouterr().out.startswith("aggregation ")
+    assert names["stiffer"].flow.shear_stress == 750.0
+
+
+def test_the_commands_are_there():
+    listed = re.findall(r"^\| `mcdem (\w+)", README, re.MULTILINE)
+    assert len(listed) > 5
+    assert set(listed) <= {command.callback.__name__ for command in app.registered_commands}
 
 
 def test_the_map_shows_what_is_there():
