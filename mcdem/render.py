@@ -64,18 +64,54 @@ class Canvas:
             self._sphere(self.width / 2 + x, self.height / 2 - y, z, r, colour, outline)
         return self
 
+    def rods(self, starts: ArrayLike, ends: ArrayLike, radius: float, colours: ArrayLike) -> Canvas:
+        """Rods with round ends from `starts` (B, 3) to `ends` (B, 3)."""
+        first, last = (self.camera.project(x) * self.scale for x in (starts, ends))
+        tints = np.broadcast_to(np.asarray(colours, float), first.shape)
+        for a, b, colour in zip(first, last, tints, strict=True):
+            self._rod(a, b, radius * self.scale, colour)
+        return self
+
+    def _window(self, left: float, right: float, top: float, bottom: float) -> tuple[slice, slice]:
+        """Rows and columns of the pixels that a box touches; empty outside of the image."""
+        rows = slice(max(int(top), 0), max(min(int(bottom) + 2, self.height), 0))
+        columns = slice(max(int(left), 0), max(min(int(right) + 2, self.width), 0))
+        return rows, columns
+
     def _sphere(self, x: float, y: float, z: float, r: float, colour: NDArray, outline: float) -> None:
-        left, right = max(int(x - r), 0), min(int(x + r) + 2, self.width)
-        top, bottom = max(int(y - r), 0), min(int(y + r) + 2, self.height)
-        if left >= right or top >= bottom:
-            return
-        u = (np.arange(left, right) + 0.5 - x) / r
-        v = -(np.arange(top, bottom)[:, None] + 0.5 - y) / r
+        window = self._window(x - r, x + r, y - r, y + r)
+        u = (np.arange(window[1].start, window[1].stop) + 0.5 - x) / r
+        v = -(np.arange(window[0].start, window[0].stop)[:, None] + 0.5 - y) / r
         inside = 1 - u**2 - v**2
         w = np.sqrt(np.clip(inside, 0.0, None))
-        depth = z + r * w
-        window = (slice(top, bottom), slice(left, right))
-        seen = (inside > 0) & (depth > self.depth[window])
+        self._shade(window, inside > 0, z + r * w, u, v, w, colour, outline)
+
+    def _rod(self, a: NDArray, b: NDArray, r: float, colour: NDArray) -> None:
+        x = self.width / 2 + np.array([a[0], b[0]])
+        y = self.height / 2 - np.array([a[1], b[1]])
+        window = self._window(x.min() - r, x.max() + r, y.min() - r, y.max() + r)
+        across = np.arange(window[1].start, window[1].stop) + 0.5 - x[0]
+        down = np.arange(window[0].start, window[0].stop)[:, None] + 0.5 - y[0]
+        dx, dy = x[1] - x[0], y[1] - y[0]
+        along = np.clip((across * dx + down * dy) / max(dx * dx + dy * dy, 1e-12), 0.0, 1.0)
+        u, v = (across - along * dx) / r, -(down - along * dy) / r
+        inside = 1 - u**2 - v**2
+        w = np.sqrt(np.clip(inside, 0.0, None))
+        self._shade(window, inside > 0, a[2] + along * (b[2] - a[2]) + r * w, u, v, w, colour, 0.25)
+
+    def _shade(
+        self,
+        window: tuple[slice, slice],
+        inside: NDArray,
+        depth: NDArray,
+        u: NDArray,
+        v: NDArray,
+        w: NDArray,
+        colour: NDArray,
+        outline: float,
+    ) -> None:
+        """Colour the pixels of a window where a surface of unit normal (u, v, w) is nearer than what is there."""
+        seen = inside & (depth > self.depth[window])
         if not seen.any():
             return
         diffuse = np.clip(u * LIGHT[0] + v * LIGHT[1] + w * LIGHT[2], 0.0, None)
@@ -86,20 +122,11 @@ class Canvas:
         self.image[window][seen] = lit[seen]
         self.depth[window][seen] = depth[seen]
 
-    def rods(self, starts: ArrayLike, ends: ArrayLike, radius: float, colours: ArrayLike) -> Canvas:
-        """Rods with round ends: spheres strung so close that no notch is seen."""
-        first, last = np.asarray(starts, float), np.asarray(ends, float)
-        tints = np.broadcast_to(np.asarray(colours, float), first.shape)
-        for a, b, colour in zip(first, last, tints, strict=True):
-            beads = max(2, int(np.linalg.norm(b - a) / (0.35 * radius)))
-            self.spheres(a + np.linspace(0, 1, beads)[:, None] * (b - a), radius, colour, outline=0.12)
-        return self
-
     def smoothed(self, by: int = 2) -> Image:
         """The image averaged over `by` x `by` pixels: draw large, show small, no jagged edges."""
         h, w = self.height // by * by, self.width // by * by
-        blocks = self.image[:h, :w].reshape(h // by, by, w // by, by, 3)
-        return np.asarray(blocks.mean(axis=(1, 3)))
+        shifts = [self.image[i:h:by, j:w:by] for i in range(by) for j in range(by)]
+        return np.asarray(sum(shifts) / by**2)
 
 
 def principal_view(positions: NDArray[np.float64]) -> tuple[NDArray, NDArray]:

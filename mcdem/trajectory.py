@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from .errors import DataFileError
+from .errors import DataFileError, UserError
 
 if TYPE_CHECKING:
     from .encounter import EncounterResult, Recorder
@@ -299,3 +299,21 @@ def write_vtk(trajectory: Trajectory, directory: Path | str) -> list[Path]:
         file.write_text("\n".join(lines) + "\n", encoding="ascii")
         written.append(file)
     return written
+
+
+def export(trajectory: Trajectory, path: Path | str) -> None:
+    """Write in the format that the name asks for: .nc, .xyz, or a folder of VTK files; raises `UserError`."""
+    path = Path(path)
+    writers = {
+        ".nc": write,
+        ".xyz": write_extended_xyz,
+        ".extxyz": write_extended_xyz,
+        "": write_vtk,
+        ".vtk": write_vtk,
+    }
+    if path.suffix.lower() not in writers:
+        raise UserError(f"{path}: expected a name that ends in .nc or .xyz, or a folder's name for VTK files")
+    try:
+        writers[path.suffix.lower()](trajectory, path)
+    except OSError as problem:
+        raise UserError(f"{path}: cannot be written ({problem.strerror or problem})") from None

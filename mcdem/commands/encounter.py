@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcdem.commands import SceneFile, read_quantity
+from mcdem.commands import SceneFile, read_quantity, refuse_existing
 from mcdem.errors import UserError
 from mcdem.units import LENGTH
 
@@ -35,6 +35,19 @@ def encounter(
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the orientations and the offset.")] = None,
+    film: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Film to make (mp4, gif): spheres, and bonds by tension."),
+    ] = None,
+    trajectory: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Trajectory to write: NetCDF in the AMBER convention (nc), extended XYZ (xyz), or a folder of VTK files.",
+        ),
+    ] = None,
+    every: Annotated[float, typer.Option(min=1e-3, help="Strain between two frames of either.")] = 0.2,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
 ) -> None:
     """Follow one encounter of two aggregates and tell what came of it."""
     from mcdem.scene import load_scene
@@ -47,14 +60,29 @@ def encounter(
     )
     parents = aggregate_of(loaded, "--first", first), aggregate_of(loaded, "--second", second)
 
-    from mcdem.encounter import simulate_encounter
+    for file in (film, trajectory):
+        if file is not None:
+            refuse_existing(file, overwrite=overwrite)
 
+    from mcdem.encounter import Recorder, simulate_encounter
+
+    recorder = Recorder(interval=every) if film or trajectory else None
     result = simulate_encounter(
-        loaded, *parents, offset=place, seed=loaded.run.seed if seed is None else seed
+        loaded, *parents, offset=place, seed=loaded.run.seed if seed is None else seed, record=recorder
     )
     width = max(len(name) for name, _ in report(loaded, result))
     for name, value in report(loaded, result):
         typer.echo(f"{name:{width}}  {value}")
+    if recorder is not None:
+        from mcdem.trajectory import Trajectory, export
+
+        course = Trajectory.of_encounter(loaded, recorder, result)
+        if trajectory is not None:
+            export(course, trajectory)
+        if film is not None:
+            from mcdem.film import film as make_film
+
+            make_film(course, film)
 
 
 def aggregate_of(scene: Scene, option: str, given: str) -> Aggregate:

@@ -228,7 +228,7 @@ def draw_largest_fragment(numbers: xr.Dataset) -> Canvas:
         one = numbers.sel(reading=reading)
         if int(one["count"].sum()):
             lines.append(
-                f"{READING[reading][1]}: 0.45 to 0.75 {float(one['fragmentation_share']):.0%}, erosion "
+                f"{READING[reading][1]}: 0.45 to 0.75: {float(one['fragmentation_share']):.0%}, erosion: "
                 f"{float(one['erosion_share']):.0%} [{float(one['erosion_share_low']):.0%}, "
                 f"{float(one['erosion_share_high']):.0%}]"
             )
