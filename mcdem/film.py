@@ -68,7 +68,7 @@ def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
     strip = round(0.075 * width)
     height = 2 * tall + strip
     with look():
-        figure = Figure(figsize=(width / 100, height / 100), dpi=100, layout="none")
+        figure = Figure(figsize=(width / 100, height / 100), dpi=100)
         agg = FigureCanvasAgg(figure)
         above = figure.add_axes((0.0, (tall + strip) / height, 1.0, tall / height))
         below = figure.add_axes((0.0, strip / height, 1.0, tall / height))

@@ -11,8 +11,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from .breakup import Reading, breakups, summarise
-from .errors import DataFileError
 from .morphology import Inertia, population_morphology
+from .record import opened
 from .scene import Scene
 from .statistics import SteadyState, TimeAverage, find_steady_state, time_average
 
@@ -29,20 +29,14 @@ class Run:
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
-        try:
-            with xr.open_dataset(self.path, decode_times=False) as root:
-                self.series, self.attributes = root.load(), dict(root.attrs)
-            with xr.open_dataset(self.path, group="events", decode_times=False) as group:
-                self.events = group.load()
-            with xr.open_dataset(self.path, group="snapshots", decode_times=False) as group:
-                self._snapshots = group.load()
-        except (OSError, ValueError, KeyError) as problem:
-            raise DataFileError(
-                f"{path}: not a dataset of `mcdem run` ({problem}); expected a NetCDF file with the groups "
-                "/events and /snapshots"
-            ) from problem
-        if "scene" not in self.attributes:
-            raise DataFileError(f"{path}: holds no scene; expected a dataset written by `mcdem run`")
+        with opened(self.path):
+            pass  # one of ours, and whole
+        with xr.open_dataset(self.path, decode_times=False) as root:
+            self.series, self.attributes = root.load(), dict(root.attrs)
+        with xr.open_dataset(self.path, group="events", decode_times=False) as group:
+            self.events = group.load()
+        with xr.open_dataset(self.path, group="snapshots", decode_times=False) as group:
+            self._snapshots = group.load()
         self.scene = Scene.from_text(self.attributes["scene"], self.path)
 
     @property

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import html
 import json
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -108,7 +109,8 @@ def population_page(run: Run, snapshot: int = -1) -> str:
     order = np.argsort(-sizes, kind="stable")
     cell = 2.0 * radii[order]
     shelf = 1.5 * float(np.sqrt(((cell + 1.0) ** 2).sum()))
-    centres, colours, bonds = [], [], []
+    centres: list[NDArray[np.float64]] = []
+    colours, bonds = [], []
     palette = [np.array(to_rgb(c)) for c in mpl.colormaps["tab20"].colors]  # type: ignore[attr-defined]
     x = y = row_height = 0.0
     for n, k in enumerate(order):
@@ -117,7 +119,7 @@ def population_page(run: Run, snapshot: int = -1) -> str:
         row_height = max(row_height, cell[n])
         positions, pairs = run.geometry(int(k), snapshot)
         spot = np.array([x + 0.5 * cell[n], y - 0.5 * cell[n], 0.0])
-        first = sum(map(len, centres))
+        first = sum(len(c) for c in centres)
         centres.append((positions - positions.mean(axis=0)) / run.radius + spot)
         colours.append(np.repeat(_packed(palette[n % len(palette)][None]), len(positions)))
         bonds.append(np.asarray(pairs, dtype=np.int64) + first)

@@ -67,7 +67,7 @@ def test_in_memory_dataset_is_si():
 
 
 def test_ovito_reads_positions_and_fields(written):
-    pytest.importorskip("ovito", reason="OVITO's Python package is not installed")
+    pytest.importorskip("ovito", reason="OVITO's Python package does not load", exc_type=ImportError)
     from ovito.io import import_file
 
     pipeline = import_file(str(written))
@@ -82,7 +82,7 @@ def test_ovito_reads_positions_and_fields(written):
 
 
 def test_mdanalysis_reads_it_as_amber(written):
-    mda = pytest.importorskip("MDAnalysis", reason="MDAnalysis is not installed")
+    mda = pytest.importorskip("MDAnalysis", reason="MDAnalysis is not installed", exc_type=ImportError)
     given = turning_trimer()
     universe = mda.Universe.empty(3, trajectory=False)
     universe.load_new(str(written), format="NCDF")
@@ -109,7 +109,7 @@ def test_ase_reads_extended_xyz(tmp_path):
 
 
 def test_ovito_reads_extended_xyz(tmp_path):
-    pytest.importorskip("ovito", reason="OVITO's Python package is not installed")
+    pytest.importorskip("ovito", reason="OVITO's Python package does not load", exc_type=ImportError)
     from ovito.io import import_file
 
     given = turning_trimer()

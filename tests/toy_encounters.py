@@ -6,8 +6,9 @@ They feed figures and reports with every outcome and with all kinds of shapes; n
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
-from mcdem.aggregate import Aggregate, split
+from mcdem.aggregate import Aggregate
 from mcdem.encounter import EncounterResult, classify, draw_offset
 
 CRITICAL = 22
@@ -15,16 +16,19 @@ CRITICAL = 22
 
 def capped(rng, centres, count):
     """Primaries added one by one (unit radius), each touching three: isostatic when it began so."""
-    centres = [*centres]
-    while len(centres) < count:
-        i = rng.integers(len(centres))
-        near = [k for k in range(len(centres)) if 0 < np.linalg.norm(centres[k] - centres[i]) < 3.99]
-        if len(centres) < 3 or len(near) < 2 or rng.random() < 0.02:  # now and then a loose end
+    x = np.zeros((count, 3))
+    n = len(centres)
+    x[:n] = centres
+    while n < count:
+        i = rng.integers(n)
+        away = ((x[:n] - x[i]) ** 2).sum(axis=1)
+        near = np.flatnonzero((away > 0) & (away < 15.9))
+        if n < 3 or len(near) < 2 or rng.random() < 0.01:  # now and then a loose end
             along = rng.normal(size=3)
-            spot = centres[i] + 2.0 * along / np.linalg.norm(along)
+            spot = x[i] + 2.0 * along / np.sqrt(along @ along)
         else:
             j, k = rng.choice(near, 2, replace=False)
-            b, c = centres[j] - centres[i], centres[k] - centres[i]
+            b, c = x[j] - x[i], x[k] - x[i]
             normal = np.cross(b, c)
             area = normal @ normal
             if area < 1e-6:
@@ -33,10 +37,11 @@ def capped(rng, centres, count):
             height = 4 - foot @ foot
             if height < 0:
                 continue
-            spot = centres[i] + foot + rng.choice([-1, 1]) * np.sqrt(height / area) * normal
-        if min(np.linalg.norm(spot - x) for x in centres) > 2 - 1e-9:
-            centres.append(spot)
-    return np.array(centres)
+            spot = x[i] + foot + rng.choice([-1, 1]) * np.sqrt(height / area) * normal
+        if ((spot - x[:n]) ** 2).sum(axis=1).min() > 4 - 1e-8:
+            x[n] = spot
+            n += 1
+    return x
 
 
 def contacts(centres):
@@ -69,7 +74,8 @@ def toy_encounter(scene, first, second, offset=None, seed=None, **_):
             side = np.searchsorted(cuts, along)
             bonded &= side[:, None] == side[None]
             tension = 1.05e-8
-        members = split(centres * a, bonded)
+        count, label = connected_components(bonded)
+        members = [np.flatnonzero(label == part) for part in range(count)]
         products = [Aggregate.from_contacts(a * centres[m], bonded[np.ix_(m, m)]) for m in members]
     outcome = classify(tuple(members), first.size, contact)
     return EncounterResult(

@@ -26,3 +26,11 @@ def read_quantity(option: str, given: str, quantity: Quantity) -> float:
         return quantity.to_si(given)
     except PydanticCustomError as problem:
         raise UserError(f'{option} "{given}" {problem.message()}') from None
+
+
+def refuse_existing(output: Path, *, overwrite: bool) -> None:
+    """Raise `UserError` where writing `output` would destroy a file or cannot succeed."""
+    if output.is_file() and not overwrite:
+        raise UserError(f"{output} exists; give another name, or --overwrite to replace it")
+    if not output.absolute().parent.is_dir():
+        raise UserError(f"{output}: there is no folder {output.parent}; make it, or name another")

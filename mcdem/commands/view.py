@@ -12,10 +12,14 @@ from mcdem.commands import refuse_existing
 
 def view(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Trajectory of `mcdem encounter`, or dataset of `mcdem run`.")
+        Path,
+        typer.Argument(metavar="FILE", help="Trajectory of `mcdem encounter`, or dataset of `mcdem run`."),
     ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="PAGE", help="Page to write; default: FILE's name, with .html.")
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="PAGE", help="Page to write; default: FILE's name, with .html."
+        ),
     ] = None,
     snapshot: Annotated[
         int, typer.Option(help="Which snapshot of a dataset, from 0; negative numbers count from the end.")

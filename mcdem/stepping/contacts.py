@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from mcdem.effects import contact_force, non_contact_force
+from mcdem.effects import non_contact_force
 from mcdem.stepping.state import harmonic_radius
 
 # Gap h/a beyond which direct forces between spheres not in contact are left out: there the unretarded

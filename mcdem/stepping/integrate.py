@@ -27,7 +27,6 @@ from mcdem.stepping.rigid import RIGID, analyse, tumble, worst_load
 from mcdem.stepping.state import (
     DONE,
     TOO_MANY_STEPS,
-    Log,
     Motion,
     harmonic_radius,
     new_history,
