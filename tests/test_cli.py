@@ -32,7 +32,8 @@ def refusal(*arguments):
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--help"], *([name, "--help"] for name in ("run", "plot", "encounter", "efficiency", "describe"))]
+    "arguments",
+    [["--help"], *([name, "--help"] for name in ("run", "plot", "encounter", "efficiency", "describe"))],
 )
 def test_help(arguments):
     done = mcdem_command(*arguments)
