@@ -37,6 +37,7 @@ import numpy as np
 from mcdem.aggregate import Aggregate
 from mcdem.encounter import OUTCOMES
 from mcdem.errors import DataFileError
+from mcdem.morphology import aspect_ratio, second_moments, semi_axes
 from mcdem.pair_selection import Meeting
 from mcdem.population import Population, Product
 
@@ -89,6 +90,10 @@ EVENTS = {
     "parent_size": Variable("i8", "1", "primary particles of each parent", PARENT),
     "parent_outer_radius": Variable("f8", "m", "outer radius R of each parent", PARENT),
     "parent_bonds": Variable("i8", "1", "contacts within each parent", PARENT),
+    "parent_aspect_ratio": Variable(
+        "f4", "1", "aspect ratio of each parent's inertia-equivalent ellipsoid", PARENT
+    ),
+    "parent_radius_of_gyration": Variable("f4", "m", "radius of gyration of each parent", PARENT),
     "offset": Variable(
         "f8", "m", "offset (x0, y0) of the second parent in the cross section", (("cross_section", 2),)
     ),
@@ -121,6 +126,10 @@ PRODUCTS = {
     ),
     "product_outer_radius": Variable("f8", "m", "outer radius R of each product"),
     "product_bonds": Variable("i8", "1", "contacts within each product"),
+    "product_aspect_ratio": Variable(
+        "f4", "1", "aspect ratio of each product's inertia-equivalent ellipsoid"
+    ),
+    "product_radius_of_gyration": Variable("f4", "m", "radius of gyration of each product"),
 }
 SNAPSHOTS = {
     "time": Variable("f8", "s", "process time of the snapshot"),
@@ -308,12 +317,18 @@ class Record:
                 [serial for serial, _ in parents],
                 [aggregate.outer_radius(primary_radius) for _, aggregate in parents],
             )
+        ratios, gyration = _shapes(
+            [aggregate for _, aggregate in parents] + [product.aggregate for product in products],
+            primary_radius,
+        )
         self.events.append(
             time=meeting.time,
             parent_serial=[serial for serial, _ in parents],
             parent_size=[aggregate.size for _, aggregate in parents],
             parent_outer_radius=[aggregate.outer_radius(primary_radius) for _, aggregate in parents],
             parent_bonds=[len(aggregate.bonds) for _, aggregate in parents],
+            parent_aspect_ratio=ratios[:2],
+            parent_radius_of_gyration=gyration[:2],
             offset=result.offset,
             outcome=OUTCOMES.index(result.outcome),
             contact=result.contact,
@@ -330,13 +345,15 @@ class Record:
             epoch=meeting.epoch,
             stream_number=meeting.number,
         )
-        for product in products:
+        for k, product in enumerate(products, start=2):
             self.products.append(
                 product_serial=product.serial,
                 product_size=product.aggregate.size,
                 product_from_first=product.from_first,
                 product_outer_radius=product.aggregate.outer_radius(primary_radius),
                 product_bonds=len(product.aggregate.bonds),
+                product_aspect_ratio=ratios[k],
+                product_radius_of_gyration=gyration[k],
             )
 
     @property
@@ -455,7 +472,19 @@ def _get(group: netCDF4.Dataset, tables: dict[str, Table]) -> None:
     group.set_auto_mask(False)
     for row, table in tables.items():
         rows = len(group.dimensions[row])
-        table.extend(rows, **{name: group[name][:] for name in table.variables})
+        columns = {name: group[name][:] if name in group.variables else np.nan for name in table.variables}
+        table.extend(rows, **columns)
+
+
+def _shapes(
+    aggregates: Sequence[Aggregate], primary_radius: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Aspect ratios (Eq. 27) and radii of gyration [m]."""
+    moments = second_moments(
+        np.concatenate([aggregate.positions for aggregate in aggregates]),
+        np.array([aggregate.size for aggregate in aggregates]),
+    )
+    return aspect_ratio(semi_axes(moments, primary_radius)), np.sqrt(moments.sum(axis=1))
 
 
 def _put_state(group: netCDF4.Dataset, state: dict[str, Any]) -> None:
