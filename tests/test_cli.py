@@ -111,6 +111,23 @@ def test_until_carries_a_unit(tmp_path, until, words):
     assert message == f'--until "{until}" {words}; expected a positive time, such as "10 s"'
 
 
+def test_plot_refuses_what_is_no_dataset_and_what_is_no_figure(tmp_path):
+    foreign, figure = tmp_path / "foreign.nc", tmp_path / "figure.png"
+    foreign.write_text("not NetCDF")
+    for file, reason in [
+        (foreign, "Unknown file format"),
+        (tmp_path / "none.nc", "No such file or directory"),
+    ]:
+        message = refusal("plot", file, "-o", figure)
+        assert message.startswith(f"{file}: ")
+        assert reason in message
+    assert not figure.exists()
+    assert (
+        refusal("plot", foreign, "-o", tmp_path)
+        == f"{tmp_path}: a folder, expected the name of a figure in it"
+    )
+
+
 def test_an_encounter_is_told_in_words():
     done = mcdem_command("encounter", SCENES / "paper-750Pa.toml", "--offset", "0 nm", "250 nm")
     assert done.exit_code == 0, done.output

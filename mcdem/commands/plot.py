@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from mcdem.commands import Dataset
+from mcdem.errors import UserError
 
 
 def plot(
@@ -17,6 +18,8 @@ def plot(
     ],
 ) -> None:
     """Draw the mean size `<P>(t)` and the Sauter diameter `d32(t)` with the slope of Eq. 22 at the start."""
+    if output.is_dir():
+        raise UserError(f"{output}: a folder, expected the name of a figure in it")
     from mcdem.figures import plot_run
 
     plot_run(file, output)
