@@ -116,7 +116,7 @@ def test_plot_refuses_what_is_no_dataset_and_what_is_no_figure(tmp_path):
     foreign.write_text("not NetCDF")
     for file, reason in [
         (foreign, "Unknown file format"),
-        (tmp_path / "none.nc", "No such file or directory"),
+        (tmp_path / "none.nc", "no such file"),
     ]:
         message = refusal("plot", file, "-o", figure)
         assert message.startswith(f"{file}: ")
