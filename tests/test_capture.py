@@ -128,3 +128,11 @@ def test_the_command_tells_value_error_and_law(tmp_path, monkeypatch):
     assert "frozen gap" in done.output
     for given in ("x", "0,-1", "2"):
         assert refusal("efficiency", "scenes/paper-1000Pa.toml", "--cutoff", given).startswith("--cutoff")
+
+
+@pytest.mark.parametrize("cutoff", [0.0, 5e-3])
+def test_bodies_that_approach_from_afar_arrive_on_their_streamline(cutoff):
+    """The shortcut of the far approach moves the critical offset by less than the step does."""
+    whole = BRIEF.with_changes({"numerics.far_approach": 0.0, "hydrodynamics.lubrication_cutoff": cutoff})
+    short = BRIEF.with_changes({"numerics.far_approach": 2.0, "hydrodynamics.lubrication_cutoff": cutoff})
+    assert capture.critical_offset(short, 0.0) == pytest.approx(capture.critical_offset(whole, 0.0), rel=1e-3)

@@ -1,7 +1,10 @@
 """The approach of two rigid aggregates while they are far apart: each a body with a stresslet.
 
-Free of force and torque, a body far away is felt through its stresslet alone.  Each turns and drifts in the flow
-plus what the other's stresslet makes of it; what is left out is of order (R/r)^5 of the velocity.
+Free of force and torque, a body far away is felt through its stresslet.  Each turns and drifts in the flow plus what
+the other's stresslet makes of it.  The size of both bodies enters the velocity as Faxen's law and the source quadrupole
+of a sphere of the same radius of gyration: it is of relative order (R/r)^5, but it alone moves a body across streamlines
+before they are close (Batchelor & Green 1972: B = (16/3)(a/r)^5), so the offset at which two bodies just meet rests on it.
+For two spheres what is left out is of order (a/r)^7 of their relative velocity.
 """
 
 from __future__ import annotations
@@ -14,10 +17,11 @@ from mcdem.stepping.rigid import five_tensor, multiply, present_load, turn_back
 
 
 @njit(cache=True)
-def add_disturbance(stresslet, separation, gradient, velocity):
+def add_disturbance(stresslet, separation, size, gradient, velocity):
     """Add the field of a stresslet (3, 3) at `separation` (3,) from it: velocity (3,) and gradient (3, 3), du_i/dx_k.
 
-    u_i = (9/4) x_i (x.S.x)/r^5 in units of 6 pi mu a^3 g.
+    u = (1 + size nabla^2) (9/4) x (x.S.x)/r^5 in units of 6 pi mu a^3 g; the gradient is that of the point stresslet.
+    size : a^2/10 of the sphere that exerts it and a^2/6 of the one that is carried, together
     """
     r2 = separation[0] ** 2 + separation[1] ** 2 + separation[2] ** 2
     r5 = r2 * r2 * np.sqrt(r2)
@@ -28,11 +32,21 @@ def add_disturbance(stresslet, separation, gradient, velocity):
     square = product[0] * separation[0] + product[1] * separation[1] + product[2] * separation[2]
     for k in range(3):
         velocity[k] += 2.25 * separation[k] * square / r5
+        velocity[k] += 4.5 * size * (2.0 * product[k] - 5.0 * separation[k] * square / r2) / r5
         gradient[k, k] += 2.25 * square / r5
         for m in range(3):
             gradient[k, m] += (
                 2.25 * separation[k] * (2.0 * product[m] - 5.0 * separation[m] * square / r2) / r5
             )
+
+
+@njit(cache=True)
+def squared_radius(body):
+    """Squared radius of the sphere with the radius of gyration of the body, (5/3) R_g^2; 1 for a primary."""
+    squares = 0.0
+    for x in body.positions.flat:
+        squares += x * x
+    return 1.0 + 5.0 / 3.0 * squares / body.positions.shape[0]
 
 
 @njit(cache=True)
@@ -95,16 +109,17 @@ def pair_rates(first, second, turns, centres, gradient, strain, velocities, spin
     )
     disturbance, carried = np.zeros((2, 3, 3)), np.zeros((2, 3))
     separation = np.empty(3)
+    a2, b2 = squared_radius(first), squared_radius(second)
     # The second pass lets the strain of the first disturbances act on the stresslets.
     for _ in range(2):
         disturbance[:] = 0.0
         carried[:] = 0.0
         for k in range(3):
             separation[k] = centres[0, k] - centres[1, k]
-        add_disturbance(stresslets[1], separation, disturbance[0], carried[0])
+        add_disturbance(stresslets[1], separation, b2 / 10.0 + a2 / 6.0, disturbance[0], carried[0])
         for k in range(3):
             separation[k] = -separation[k]
-        add_disturbance(stresslets[0], separation, disturbance[1], carried[1])
+        add_disturbance(stresslets[0], separation, a2 / 10.0 + b2 / 6.0, disturbance[1], carried[1])
         local = np.empty((3, 3))
         for which in range(2):
             for p in range(3):
