@@ -15,7 +15,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import threadpoolctl
 
@@ -50,8 +50,8 @@ class Here(Executor):
 def opened(kind: str = "process", workers: int | None = None, scheduler: str | None = None) -> Iterator[Crew]:
     """The workers that the command line names.
 
-    kind : "process" for this machine (one worker computes in this very process), "mpi" for the ranks started by
-        `mpiexec -n N python -m mpi4py.futures -m mcdem ...`, "dask" for the cluster of the scheduler at `scheduler`
+    kind : "process" for this machine (one worker computes in this very process), "mpi" for the ranks of `mpiexec -n N mcdem ...`,
+        "dask" for the cluster of the scheduler at `scheduler`
     workers : how many; None for all that there are
     """
     with contextlib.ExitStack() as stack:
@@ -95,9 +95,10 @@ def _stay_with_parent() -> None:
 
 @contextlib.contextmanager
 def _mpi() -> Iterator[Crew]:
+    """The first rank leads; the others compute for it and end with it, never to return from here."""
     try:
         from mpi4py import MPI
-        from mpi4py.futures import MPIPoolExecutor
+        from mpi4py.futures import MPICommExecutor
     except ImportError as problem:
         raise UserError(
             f'executor = "mpi": mpi4py cannot be loaded ({problem}); pip install mpi4py'
@@ -105,11 +106,15 @@ def _mpi() -> Iterator[Crew]:
     ranks = MPI.COMM_WORLD.Get_size()
     if ranks < 2:
         raise UserError(
-            'executor = "mpi": found 1 rank, expected at least 2, one of them to lead; '
-            "start with: mpiexec -n 3 python -m mpi4py.futures -m mcdem ..."
+            'executor = "mpi": found 1 rank, expected at least 2, the first of which leads; '
+            "start with: mpiexec -n 3 mcdem ..."
         )
-    with MPIPoolExecutor() as executor:
-        yield Crew(executor, ranks - 1)
+    with MPICommExecutor(MPI.COMM_WORLD) as pool:
+        executor = cast("Executor | None", pool)  # None where a rank has served and may leave
+        if executor is not None:
+            yield Crew(executor, ranks - 1)
+    if executor is None:
+        raise SystemExit(0)
 
 
 @contextlib.contextmanager
@@ -134,7 +139,7 @@ def _dask(scheduler: str | None) -> Iterator[Crew]:
             raise UserError(
                 f'scheduler = "{scheduler}": has no workers; start some with: dask worker {scheduler}'
             )
-        yield Crew(client.get_executor(), workers)
+        yield Crew(client.get_executor(pure=False), workers)
 
 
 def width(executor: Executor) -> int:

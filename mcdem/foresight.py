@@ -8,14 +8,18 @@ done again: the process is the same whatever the number of workers, the order or
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from typing import TYPE_CHECKING, NamedTuple
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor, Future
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numba import njit
 
 if TYPE_CHECKING:
-    from mcdem.aggregate import Aggregate
     from mcdem.encounter import EncounterResult
-    from mcdem.pair_selection import Meeting
+    from mcdem.pair_selection import Meetings
     from mcdem.population import Population
 
 DEPTH = 16
@@ -24,12 +28,23 @@ QUEUE = 2
 """Encounters submitted and unfinished, per worker: one at work, one at hand."""
 
 
-class Ahead(NamedTuple):
-    """An encounter being computed."""
+@njit(cache=True)
+def independent(first, second, places):
+    """(n,) whether each encounter shares no aggregate with those before it; first, second : (n,) places < `places`."""
+    touched = np.zeros(places, dtype=np.bool_)
+    free = np.empty(first.size, dtype=np.bool_)
+    for k in range(first.size):
+        free[k] = not (touched[first[k]] or touched[second[k]])
+        touched[first[k]] = touched[second[k]] = True
+    return free
 
-    first: Aggregate
-    second: Aggregate
+
+class Ahead(NamedTuple):
+    """An encounter being computed, of the aggregates at these places."""
+
     future: Future[EncounterResult]
+    first: int
+    second: int
 
 
 class Foresight:
@@ -43,7 +58,12 @@ class Foresight:
     """
 
     def __init__(
-        self, compute: Callable[..., EncounterResult], executor: Executor, workers: int, alone: bool
+        self,
+        compute: Callable[..., EncounterResult],
+        executor: Executor,
+        workers: int,
+        alone: bool = False,
+        finished: SimpleQueue[Any] | None = None,
     ) -> None:
         self.depth = 1 if alone else DEPTH * workers
         self.computed = 0
@@ -51,62 +71,69 @@ class Foresight:
         self._compute = compute
         self._executor = executor
         self._queue = QUEUE * workers
-        self._ahead: dict[tuple[int, int], Ahead] = {}
+        self._unfinished = 0
+        self._finished: SimpleQueue[Any] = finished or SimpleQueue()
+        self._epoch = -1
+        self._ahead: dict[int, Ahead] = {}  # by number within the epoch
+        self._at: defaultdict[int, set[int]] = defaultdict(set)  # their numbers, by place
 
-    def result(self, meetings: list[Meeting], population: Population) -> EncounterResult:
+    def result(self, meetings: Meetings, population: Population) -> EncounterResult:
         """The result of the first of the encounters ahead."""
-        self._drop_invalid(meetings, population)
-        head = meetings[0]
+        if meetings.epoch != self._epoch:
+            self.close()
+            self._epoch = meetings.epoch
+        head = int(meetings.numbers[0])
         while True:
+            while not self._finished.empty():
+                self._finished.get()
+                self._unfinished -= 1
             self._submit(meetings, population)
-            if self._ahead[head.epoch, head.number].future.done():
-                return self._ahead.pop((head.epoch, head.number)).future.result()
-            unfinished = [ahead.future for ahead in self._ahead.values() if not ahead.future.done()]
-            wait(unfinished, return_when=FIRST_COMPLETED)
+            if self._ahead[head].future.done():
+                return self._remove(head).future.result()
+            self._finished.get()
+            self._unfinished -= 1
 
-    def _submit(self, meetings: list[Meeting], population: Population) -> None:
+    def _submit(self, meetings: Meetings, population: Population) -> None:
         """Keep the workers busy with encounters whose aggregates no encounter before them will change."""
-        unfinished = sum(not ahead.future.done() for ahead in self._ahead.values())
-        touched: set[int] = set()
-        for position, meeting in enumerate(meetings):
-            key = (meeting.epoch, meeting.number)
-            places = {meeting.first, meeting.second}
-            if (
-                key not in self._ahead
-                and not places & touched
-                and (unfinished < self._queue or position == 0)
-            ):
-                first, second = population.at(meeting.first), population.at(meeting.second)
-                future = self._executor.submit(self._compute, first, second, meeting.epoch, meeting.number)
-                self._ahead[key] = Ahead(first, second, future)
-                self.computed += 1
-                unfinished += 1
-            touched |= places
-            if unfinished >= self._queue:
+        if self._unfinished >= self._queue and int(meetings.numbers[0]) in self._ahead:
+            return
+        free = independent(meetings.first, meetings.second, len(population.aggregates))
+        for k in np.nonzero(free)[0]:
+            number = int(meetings.numbers[k])
+            if number in self._ahead:
+                continue
+            if k > 0 and self._unfinished >= self._queue:
                 break
+            first, second = int(meetings.first[k]), int(meetings.second[k])
+            self._unfinished += 1
+            self.computed += 1
+            future = self._executor.submit(
+                self._compute, population.at(first), population.at(second), meetings.epoch, number
+            )
+            future.add_done_callback(self._finished.put)
+            self._ahead[number] = Ahead(future, first, second)
+            self._at[first].add(number)
+            self._at[second].add(number)
 
-    def _drop_invalid(self, meetings: list[Meeting], population: Population) -> None:
-        """Forget what will not take place: overtaken, or with an aggregate that is no longer the same."""
-        expected = {(m.epoch, m.number): m for m in meetings}
-        epoch, last = meetings[-1].epoch, meetings[-1].number
-        for key, ahead in list(self._ahead.items()):
-            meeting = expected.get(key)
-            if meeting is None:
-                stands = key[0] == epoch and key[1] > last
-            else:
-                stands = ahead.first is population.at(meeting.first) and ahead.second is population.at(
-                    meeting.second
-                )
-            if not stands:
-                self._forget(key)
+    def changed(self, places: Iterable[int]) -> None:
+        """Forget the encounters ahead of aggregates that are no longer the same."""
+        for place in places:
+            for number in list(self._at.get(place, ())):
+                self._forget(number)
 
-    def _forget(self, key: tuple[int, int]) -> None:
-        if self._ahead.pop(key).future.cancel():
+    def close(self) -> None:
+        """Forget everything ahead."""
+        for number in list(self._ahead):
+            self._forget(number)
+
+    def _forget(self, number: int) -> None:
+        if self._remove(number).future.cancel():
             self.computed -= 1
         else:
             self.in_vain += 1
 
-    def close(self) -> None:
-        """Give up everything ahead."""
-        for key in list(self._ahead):
-            self._forget(key)
+    def _remove(self, number: int) -> Ahead:
+        ahead = self._ahead.pop(number)
+        for place in (ahead.first, ahead.second):
+            self._at[place].discard(number)
+        return ahead

@@ -18,6 +18,13 @@ LARGEST_SEED = 2**63 - 1
 """Seeds are stored as signed 64-bit integers."""
 
 
+def checked(seed: int) -> int:
+    """The seed, if it is one; raises `UserError` if not."""
+    if not 0 <= seed <= LARGEST_SEED:
+        raise UserError(f"seed = {seed}: expected an integer from 0 to {LARGEST_SEED}")
+    return seed
+
+
 def stream(seed: int, purpose: str, *place: int) -> Generator:
     """The generator of `purpose` at `place` in the run of `seed`.
 
@@ -26,8 +33,6 @@ def stream(seed: int, purpose: str, *place: int) -> Generator:
     Streams of different seed, purpose or place never overlap: seed and purpose are the key of Philox, the place is the
     upper three words of its counter, and the lowest word counts the draws.
     """
-    if not 0 <= seed <= LARGEST_SEED:
-        raise UserError(f"seed = {seed}: expected an integer from 0 to {LARGEST_SEED}")
     purpose_word = int.from_bytes(hashlib.blake2b(purpose.encode(), digest_size=8).digest(), "little")
     key = np.array([seed, purpose_word], dtype=np.uint64)
     counter = np.zeros(4, dtype=np.uint64)

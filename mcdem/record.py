@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import netCDF4
 import numpy as np
+from xarray.backends.locks import HDF5_LOCK, NETCDFC_LOCK, combine_locks
 
 from mcdem.aggregate import Aggregate
 from mcdem.encounter import OUTCOMES
@@ -46,6 +47,9 @@ if TYPE_CHECKING:
 
     from mcdem.encounter import EncounterResult
     from mcdem.scene import Scene
+
+LIBRARY_LOCK = combine_locks([NETCDFC_LOCK, HDF5_LOCK])
+"""xarray's own: the libraries bear one thread at a time, and the collector may close a user's dataset in any thread."""
 
 TITLE = "mcdem run: shear aggregation and breakup of colloidal aggregates"
 FORMAT = 1
@@ -413,7 +417,7 @@ class Record:
     @classmethod
     def read(cls, path: Path, scene: Scene) -> tuple[Record, float, Population, dict[str, Any]]:
         """What `write` wrote: the record, the time [s], the population and the state of the clocks."""
-        with opened(path) as file:
+        with opened(path) as (file,):
             _refuse_another_scene(path, str(file.scene), scene)
             record = cls(scene, int(file.seed), tuple(str(file.keep_parents).split()))
             _get(file, {"row": record.series})
@@ -516,11 +520,12 @@ def replacing(path: Path) -> Iterator[netCDF4.Dataset]:
     """A dataset that takes the place of the one at `path` in one step, when it is complete; if not, that one stays."""
     beside = path.with_name(f".{path.name}.part")
     try:
-        file = netCDF4.Dataset(beside, "w")
-        try:
-            yield file
-        finally:
-            file.close()
+        with LIBRARY_LOCK:
+            file = netCDF4.Dataset(beside, "w")
+            try:
+                yield file
+            finally:
+                file.close()
         _to_disk(beside)
         beside.replace(path)
         _to_disk(path.parent)
@@ -545,26 +550,32 @@ def _to_disk(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def opened(path: Path) -> Iterator[netCDF4.Dataset]:
-    """The dataset at `path`, for reading; raises `DataFileError` if it is not one of ours or not whole."""
+def opened(*paths: Path) -> Iterator[tuple[netCDF4.Dataset, ...]]:
+    """The datasets at `paths`, for reading; raises `DataFileError` if one is not ours or not whole."""
+    with LIBRARY_LOCK, contextlib.ExitStack() as stack:
+        yield tuple(stack.enter_context(_opened(path)) for path in paths)
+
+
+def _opened(path: Path) -> netCDF4.Dataset:
+    expected = "expected a dataset written by `mcdem run`"
     try:
         file = netCDF4.Dataset(path)
     except FileNotFoundError:
-        raise DataFileError(f"{path}: no such file; expected a dataset written by `mcdem run`") from None
+        raise DataFileError(f"{path}: no such file; {expected}") from None
     except OSError as problem:
         reason = problem.strerror or str(problem)
         raise DataFileError(
-            f"{path}: cannot be read as NetCDF ({reason}); expected a dataset written by `mcdem run`, "
-            "this one is truncated or of another kind"
+            f"{path}: cannot be read as NetCDF ({reason}); {expected}, this one is truncated or of another kind"
         ) from None
-    with file:
-        if getattr(file, "title", None) != TITLE:
-            raise DataFileError(f"{path}: a NetCDF file, but not a dataset written by `mcdem run`")
-        if file.format != FORMAT:
-            raise DataFileError(
-                f"{path}: layout {file.format}, expected {FORMAT}; it was written by another version ({file.software})"
-            )
-        yield file
+    title, layout, writer = (getattr(file, name, None) for name in ("title", "format", "software"))
+    if title == TITLE and layout == FORMAT:
+        return file
+    file.close()
+    if title == TITLE:
+        raise DataFileError(
+            f"{path}: layout {layout}, expected {FORMAT}; written by another version: {writer}"
+        )
+    raise DataFileError(f"{path}: a NetCDF file of another kind; {expected}")
 
 
 @contextlib.contextmanager
@@ -611,7 +622,7 @@ def locked(path: Path) -> Iterator[None]:
 
 def differences(one: Path | str, other: Path | str) -> list[str]:
     """What distinguishes two datasets bit by bit, the machine's timing and the origin of the writing aside."""
-    with opened(Path(one)) as a, opened(Path(other)) as b:
+    with opened(Path(one), Path(other)) as (a, b):
         return list(_differences(a, b, ""))
 
 

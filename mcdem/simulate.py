@@ -17,6 +17,7 @@ repeats bit for bit, however its encounters are computed: here, ahead of time on
 from __future__ import annotations
 
 import contextlib
+import math
 import signal
 import threading
 import time as clock
@@ -36,6 +37,7 @@ from mcdem.executors import Encounter
 from mcdem.foresight import Foresight
 from mcdem.pair_selection import Meeting, PairSelection, pair_selection
 from mcdem.population import Population, Product
+from mcdem.random_streams import checked
 from mcdem.record import Record, locked
 from mcdem.scene import Scene
 
@@ -59,7 +61,7 @@ class Process:
     @classmethod
     def begin(cls, scene: Scene, seed: int, keep_parents: tuple[str, ...]) -> Process:
         population = Population.of_primaries(scene)
-        record = Record(scene, seed, keep_parents)
+        record = Record(scene, checked(seed), keep_parents)
         record.sample(0.0, population)
         return cls(scene, population, pair_selection(scene, population, seed), record)
 
@@ -80,8 +82,8 @@ class Process:
             self.record.snapshots.append(due, self.population)
         self.time = time
 
-    def encounter(self, meeting: Meeting, result: EncounterResult) -> None:
-        """Two aggregates meet, and what comes out takes their places."""
+    def encounter(self, meeting: Meeting, result: EncounterResult) -> list[int]:
+        """Two aggregates meet, and what comes out takes their places; returns the places that hold another content."""
         self.wait(meeting.time)
         places = (meeting.first, meeting.second)
         parents = [(self.population.serials[place], self.population.at(place)) for place in places]
@@ -101,6 +103,7 @@ class Process:
             self.population.double()
             self.selection.doubled(self.time)
         self.record.sample(self.time, self.population)
+        return changed
 
     def write(self, path: Path, computed_in_vain: int) -> None:
         self.record.write(path, self.time, self.population, self.selection.state(), computed_in_vain)
@@ -187,6 +190,10 @@ def run(
         raise UserError(
             f'{scene.name}: nothing says when to stop; give "until" or "events", here or in [run]'
         )
+    if until is not None and not 0.0 < until < math.inf:
+        raise UserError(f"until = {until}: expected a time above 0, in seconds")
+    if events is not None and events < 0:
+        raise UserError(f"events = {events}: expected a number of encounters, 0 or more")
     started = clock.monotonic()
     with locked(path), threadpoolctl.threadpool_limits(limits=1), _Interruption() as interruption:
         process = _open(scene, path, seed, resume=resume, overwrite=overwrite, keep_parents=keep_parents)
@@ -199,24 +206,19 @@ def run(
             writing.now()
             ended_by = ""
             while not ended_by:
-                if events is not None and process.events >= events:
+                left = None if events is None else events - process.events
+                if left is not None and left <= 0:
                     ended_by = "events"
                     continue
-                meetings = process.selection.ahead(foresight.depth)
-                if events is not None:
-                    meetings = meetings[: events - process.events]
-                if until is not None:
-                    meetings = [meeting for meeting in meetings if meeting.time <= until]
-                    if not meetings:
+                ahead = process.selection.ahead(foresight.depth).cut(left, until)
+                if not len(ahead):
+                    if until is not None:
                         process.wait(max(until, process.time))
-                        ended_by = "time"
-                        continue
-                if not meetings:
-                    ended_by = "one aggregate left"
+                    ended_by = "one aggregate left" if until is None else "time"
                     continue
                 try:
                     with interruption.allowed():
-                        result = foresight.result(meetings, process.population)
+                        result = foresight.result(ahead, process.population)
                 except KeyboardInterrupt:
                     ended_by = "interruption"
                     continue
@@ -228,7 +230,7 @@ def run(
                             f"t = {process.time:.6g} s: continue with --resume, maybe on fewer workers"
                         ) from problem
                     raise
-                process.encounter(meetings[0], result)
+                foresight.changed(process.encounter(ahead.meeting(0), result))
                 writing.if_due()
                 if progress is not None and pace.report_due():
                     progress(pace.report())
@@ -349,7 +351,7 @@ class _Pace:
         if self._until is not None:
             shares.append(self._process.time / self._until)
         if self._events is not None:
-            shares.append(self._process.events / self._events)
+            shares.append(self._process.events / self._events if self._events else 1.0)
         return min(max(shares), 1.0)
 
     def report_due(self) -> bool:

@@ -6,6 +6,7 @@ Aggregates are lattice clusters and chains of touching spheres: their radii, con
 from __future__ import annotations
 
 import math
+import os
 import time
 from functools import cache
 
@@ -25,6 +26,10 @@ volume_fraction = 1e-4
 shear_rate = "1e4 1/s"
 viscosity = "100 mPa s"
 """
+
+
+SMALL: dict[str, object] = {"population__initial": 60, "run__snapshot_every": "50 ms"}
+"""Changes that make a run of a few hundred encounters see doublings, epochs and snapshots."""
 
 
 def scene(**changes: object) -> Scene:
@@ -141,3 +146,17 @@ def slow_aggregation_and_breakup(
     """The same at a pace that leaves time to be killed."""
     time.sleep(2e-3)
     return aggregation_and_breakup(scene, first, second, seed)
+
+
+def broken(scene: Scene, first: Aggregate, second: Aggregate, seed: np.random.Generator) -> EncounterResult:
+    """A defect that shows itself at the first contact of three."""
+    if first.size + second.size > 2:
+        raise ArithmeticError("three is a crowd")
+    return merged(first, second, scene.suspension.radius)
+
+
+def deadly(scene: Scene, first: Aggregate, second: Aggregate, seed: np.random.Generator) -> EncounterResult:
+    """Takes its worker with it at the first contact of three."""
+    if first.size + second.size > 2:
+        os._exit(9)
+    return merged(first, second, scene.suspension.radius)

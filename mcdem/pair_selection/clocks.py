@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numba import njit
 
-from mcdem.pair_selection import Meeting, encounter_rate
+from mcdem.pair_selection import Meeting, Meetings, encounter_rate
 from mcdem.random_streams import stream
 
 if TYPE_CHECKING:
@@ -114,24 +114,21 @@ class Clocks:
 
     # The encounters ahead
 
-    def ahead(self, count: int) -> list[Meeting]:
-        if self.population.number < 2:
-            return []
+    def ahead(self, count: int) -> Meetings:
         found = np.empty(count, dtype=np.int64)
-        while (n := accepted(*self._proposals, self._radius, self._cursor, found)) < count:
-            self._draw()
-        place = self._place
+        if self.population.number < 2:
+            found = found[:0]
+        else:
+            while accepted(*self._proposals, self._radius, self._cursor, found) < count:
+                self._draw()
         first, second, _ = self._proposals
-        return [
-            Meeting(
-                float(self._times[k]),
-                int(place[first[k]]),
-                int(place[second[k]]),
-                self.epoch,
-                self._first_block * BLOCK + int(k),
-            )
-            for k in found[:n]
-        ]
+        return Meetings(
+            self._times[found],
+            self._place[first[found]],
+            self._place[second[found]],
+            self.epoch,
+            self._first_block * BLOCK + found,
+        )
 
     def _draw(self) -> None:
         """Append a block of proposals to those known."""

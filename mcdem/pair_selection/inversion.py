@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mcdem.pair_selection import Meeting, encounter_rate
+from mcdem.pair_selection import Meeting, Meetings, encounter_rate
 from mcdem.random_streams import stream
 
 if TYPE_CHECKING:
@@ -48,16 +48,23 @@ class Inversion:
         self.frequency[:place, place] = row[:place]
         self.frequency[place, place + 1 :] = row[place + 1 :]
 
-    def ahead(self, count: int) -> list[Meeting]:
+    def ahead(self, count: int) -> Meetings:
         if self.population.number < 2 or count < 1:
-            return []
+            none = np.empty(0, dtype=np.int64)
+            return Meetings(np.empty(0), none, none, 0, none)
         waiting, choice = stream(self.seed, "inversion", self.number).random(2)
         cumulative = np.cumsum(self.frequency)
         total = cumulative[-1]
         quiescence = -np.log1p(-waiting) / total
         pair = int(np.searchsorted(cumulative, choice * total, side="right"))
         first, second = divmod(pair, len(self.frequency))
-        return [Meeting(self.time + float(quiescence), first, second, 0, self.number)]
+        return Meetings(
+            np.array([self.time + quiescence]),
+            np.array([first]),
+            np.array([second]),
+            0,
+            np.array([self.number]),
+        )
 
     def happened(self, meeting: Meeting, changed: Iterable[int]) -> None:
         self.time = meeting.time

@@ -1,0 +1,277 @@
+"""A run gives the same dataset, bit for bit, however it is computed and however often it is cut off."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+import synthetic
+import xarray as xr
+
+from mcdem import simulate
+from mcdem.errors import UserError
+from mcdem.executors import Here
+from mcdem.foresight import Foresight, independent
+from mcdem.record import differences
+
+EVENTS = 700
+SCRIPT = Path(__file__).with_name("run_synthetic.py")
+
+
+def run(path: Path, **options):
+    given = {"events": EVENTS, "encounter": synthetic.aggregation_and_breakup, **options}
+    return simulate.run(synthetic.scene(**synthetic.SMALL), path, **given)
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory) -> Path:
+    """Computed in this process, one encounter after the other, without a stop."""
+    path = tmp_path_factory.mktemp("reference") / "run.nc"
+    summary = run(path)
+    assert summary.computed == EVENTS and summary.computed_in_vain == 0
+    series = xr.open_dataset(path)
+    assert series["volume"][-1] > series["volume"][0]  # doubled
+    assert xr.open_datatree(path)["checkpoint"]["epoch"] > 5
+    assert min(count for outcome, count in summary.outcomes.items()) > 5, summary.outcomes
+    return path
+
+
+# Workers
+
+
+@pytest.mark.parametrize("workers", [2, 4])
+def test_local_processes_give_the_same_dataset(reference, tmp_path, workers):
+    summary = run(tmp_path / "run.nc", workers=workers)
+    assert differences(reference, tmp_path / "run.nc") == []
+    assert summary.computed - summary.computed_in_vain == EVENTS
+
+
+def test_any_executor_will_do(reference, tmp_path):
+    with ThreadPoolExecutor(8) as executor:
+        run(tmp_path / "run.nc", executor=executor, workers=8)
+    assert differences(reference, tmp_path / "run.nc") == []
+
+
+@pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="distributed is not installed")
+@pytest.mark.filterwarnings("ignore")  # of dask's own machinery, on its way up and down
+def test_a_dask_cluster_gives_the_same_dataset(reference, tmp_path):
+    from distributed import LocalCluster
+
+    from mcdem import executors
+
+    with (
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        executors.opened("dask", scheduler=cluster.scheduler_address) as crew,
+    ):
+        assert crew.workers == 2
+        run(tmp_path / "run.nc", executor=crew.executor)
+    assert differences(reference, tmp_path / "run.nc") == []
+
+
+def mpiexec(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Open MPI wants to be told that two cores and a root user will do; other MPIs ignore these variables."""
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(SCRIPT.parents[1]), str(SCRIPT.parent)]),
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    }
+    return subprocess.run(
+        ["mpiexec", "-n", "3", sys.executable, *arguments],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+
+
+needs_mpi = pytest.mark.skipif(
+    shutil.which("mpiexec") is None or importlib.util.find_spec("mpi4py") is None,
+    reason="mpiexec or mpi4py is not installed",
+)
+
+
+@needs_mpi
+@pytest.mark.parametrize(
+    "launcher",
+    [[], pytest.param(["-m", "mpi4py.futures"], marks=pytest.mark.slow)],
+    ids=["plain", "mpi4py.futures"],
+)
+def test_the_ranks_of_mpiexec_give_the_same_dataset(reference, tmp_path, launcher):
+    path = tmp_path / "run.nc"
+    told = mpiexec(*launcher, str(SCRIPT), str(path), "--events", str(EVENTS), "--executor", "mpi")
+    assert told.returncode == 0, told.stderr
+    assert told.stdout.split()[:2] == ["events", str(EVENTS)]
+    assert differences(reference, path) == []
+
+
+def test_foresight_counts_what_it_computed_in_vain(tmp_path):
+    """Among three aggregates nothing ahead stands; where nothing ever changes, everything does."""
+
+    def in_vain(number: int, encounter) -> int:
+        with ThreadPoolExecutor(2) as executor:
+            summary = simulate.run(
+                synthetic.scene(population__initial=number),
+                tmp_path / f"{number}.nc",
+                events=200,
+                executor=executor,
+                encounter=encounter,
+            )
+        assert summary.computed == 200 + summary.computed_in_vain
+        return summary.computed_in_vain
+
+    assert in_vain(100, synthetic.always_miss) == 0
+    assert 0 < in_vain(40, synthetic.aggregation_and_breakup)
+
+
+def test_encounters_ahead_share_no_aggregate_with_those_before_them():
+    first, second = np.array([0, 2, 1, 4, 5, 9]), np.array([1, 3, 2, 6, 4, 8])
+    assert independent(first, second, 10).tolist() == [True, True, False, True, False, True]
+
+
+def test_nothing_is_computed_ahead_in_this_process():
+    assert Foresight(lambda: None, Here(), 1, alone=True).depth == 1
+
+
+# Stops
+
+
+def test_a_run_goes_on_where_it_stopped_as_if_it_had_not(reference, tmp_path):
+    path = tmp_path / "run.nc"
+    for events in (0, 1, 250, 251, EVENTS):
+        summary = run(path, events=events, resume=True)
+        assert summary.events == events and summary.ended_by == "events"
+    assert differences(reference, path) == []
+
+
+def test_a_time_reached_can_be_extended(tmp_path):
+    once, twice = tmp_path / "once.nc", tmp_path / "twice.nc"
+    run(once, events=None, until=0.4)
+    for until in (0.1, 0.2, 0.4):
+        summary = run(twice, events=None, until=until, resume=True)
+        assert summary.time == until and summary.ended_by == "time"
+    assert differences(once, twice) == []
+    assert run(twice, events=None, until=0.3, resume=True).time == 0.4  # nothing is taken back
+    times = xr.open_datatree(once)["snapshots"]["time"].values
+    assert times == pytest.approx(0.05 * np.arange(9))
+
+
+def test_inversion_goes_on_too(tmp_path):
+    once, twice = tmp_path / "once.nc", tmp_path / "twice.nc"
+    scene = synthetic.scene(**synthetic.SMALL, numerics__pair_selection="inversion")
+    for path, stops in ((once, (300,)), (twice, (120, 300))):
+        for events in stops:
+            simulate.run(scene, path, events=events, resume=True, encounter=synthetic.aggregation_and_breakup)
+    assert differences(once, twice) == []
+
+
+def start(path: Path, *options: str) -> subprocess.Popen[str]:
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(SCRIPT.parents[1]), str(SCRIPT.parent)])}
+    return subprocess.Popen(
+        [sys.executable, str(SCRIPT), str(path), *options, "--encounter", "slow_aggregation_and_breakup"],
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_for(condition, seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def stored_events(path: Path) -> int:
+    return xr.open_dataset(path).sizes["row"] - 1 if path.exists() else -1
+
+
+def test_killed_at_three_random_moments_it_gives_the_same_dataset(reference, tmp_path):
+    path = tmp_path / "run.nc"
+    moments = random.Random()
+    for _ in range(3):
+        before = stored_events(path)
+        process = start(path, "--events", str(EVENTS), "--workers", "2")
+        wait_for(lambda before=before: stored_events(path) > max(before, 0))
+        time.sleep(moments.uniform(0.0, 0.3))
+        workers = psutil.Process(process.pid).children(recursive=True)
+        process.kill()
+        process.wait()
+        _, alive = psutil.wait_procs(workers, timeout=20)
+        assert not alive  # nobody computes for a leader that is dead
+        assert stored_events(path) > before
+        process.stdout.close()
+    summary = run(path, resume=True)
+    assert summary.events == EVENTS
+    assert summary.computed < EVENTS  # not all over again
+    assert differences(reference, path) == []
+
+
+@pytest.mark.parametrize(("number", "workers"), [(signal.SIGINT, "1"), (signal.SIGTERM, "2")])
+def test_asked_to_stop_it_leaves_a_whole_dataset(reference, tmp_path, number, workers):
+    path = tmp_path / "run.nc"
+    process = start(path, "--events", str(EVENTS), "--workers", workers)
+    wait_for(lambda: stored_events(path) > 0)
+    process.send_signal(number)
+    told, _ = process.communicate(timeout=60)
+    assert process.returncode == 0
+    assert told.startswith("interruption")
+    events = int(told.split()[1])
+    assert 0 < events < EVENTS
+    assert stored_events(path) == events
+    run(path, resume=True)
+    assert differences(reference, path) == []
+
+
+def test_a_defect_of_an_encounter_is_told_and_what_came_before_it_is_kept(tmp_path):
+    path = tmp_path / "run.nc"
+    with pytest.raises(ArithmeticError, match="three is a crowd"):
+        run(path, encounter=synthetic.broken)
+    assert stored_events(path) > 0
+
+
+def test_a_dead_worker_is_told_and_what_came_before_it_is_kept(tmp_path):
+    path = tmp_path / "run.nc"
+    with pytest.raises(UserError, match=r"a worker died.*--resume"):
+        run(path, encounter=synthetic.deadly, workers=2)
+    assert stored_events(path) > 0
+
+
+def test_a_run_needs_an_end_and_a_seed_in_range(tmp_path):
+    with pytest.raises(UserError, match="when to stop"):
+        run(tmp_path / "run.nc", events=None)
+    for until in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(UserError, match="until = "):
+            run(tmp_path / "run.nc", events=None, until=until)
+    with pytest.raises(UserError, match="seed = -1"):
+        run(tmp_path / "run.nc", seed=-1)
+    assert not (tmp_path / "run.nc").exists()
+
+
+def test_the_last_aggregate_ends_the_run(tmp_path):
+    scene = synthetic.scene(population__initial=5, population__doubling_below=0)
+    summary = simulate.run(scene, tmp_path / "run.nc", events=10**6, encounter=synthetic.always_merge)
+    assert (summary.ended_by, summary.events) == ("one aggregate left", 4)
+    summary = simulate.run(
+        scene, tmp_path / "run.nc", until=2.5, resume=True, encounter=synthetic.always_merge
+    )
+    assert (summary.ended_by, summary.time) == ("time", 2.5)
+
+
+def test_progress_tells_where_the_run_stands(tmp_path):
+    told = []
+    summary = run(tmp_path / "run.nc", progress=told.append)
+    last = told[-1]
+    assert (last.events, last.time, last.outcomes, last.done) == (EVENTS, summary.time, summary.outcomes, 1.0)
+    assert last.mean_size == xr.open_dataset(summary.path)["mean_size"][-1]
