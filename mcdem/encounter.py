@@ -145,6 +145,7 @@ def scheme_of(scene: Scene) -> tuple[ImplicitOptions | None, PaperOptions | None
             gap_floor=3.0 * roughness * refinement,
             turn_limit=0.04 * refinement,
             close_gap=0.05,
+            far_field_lag=numerics.far_field_lag,
         ),
         None,
     )

@@ -8,8 +8,8 @@ where A is the resistance of torque-free spheres.  Contact forces are the gradie
 to pull-off and straight beyond, so Newton on 3N unknowns with frozen hydrodynamics finds x1 in a few cheap
 iterations.  What makes it work at a tenth of the shear time:
   the midpoint turns every body as a whole (`bodies`), and gaps of close pairs are extrapolated as numbers;
-  the first two iterations take contacts as linear springs about equilibrium, since a poor start lies on the
-  flat end of the adhesion law; later ones have the tangent floored at 2 % of the equilibrium stiffness;
+  the first iteration takes contacts by their tangents at the old gaps, since a poor start lies on the flat end
+  of the adhesion law; later ones have the tangent floored at 2 % of the equilibrium stiffness;
   contact forces act along the sum of the old and the new line of centres (discrete gradient), so that a bond
   that turns does no work.
 Steps are bound by the relative change of the gaps of approaching pairs, never by stiffness.  Contacts made or
@@ -24,8 +24,8 @@ import numpy as np
 from numba import njit
 
 from mcdem.effects import contact_equilibrium, contact_force, contact_pull_off_gap
-from mcdem.hydrodynamics import stokesian
-from mcdem.linear_algebra import cholesky, solve_cholesky
+from mcdem.hydrodynamics import lagged, stokesian
+from mcdem.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
 from mcdem.stepping.bodies import extrapolate, label_bodies
 from mcdem.stepping.contacts import add_non_contact_forces
 from mcdem.stepping.state import (
@@ -51,12 +51,16 @@ class ImplicitOptions(NamedTuple):
     gap_floor: float
     turn_limit: float  # relative motion per step of close pairs of different bodies
     close_gap: float  # below it gaps are extrapolated as numbers
+    far_field_lag: (
+        float  # relative change of a separation after which the far field is made anew; 0: every step
+    )
 
 
 class Scratch(NamedTuple):
     """Work arrays of the scheme."""
 
     hydrodynamics: stokesian.Work
+    kept: lagged.Lagged
     middle: np.ndarray  # (N, 3)
     end: np.ndarray  # (N, 3)
     gaps: np.ndarray  # (N, N) at the middle of the step
@@ -65,6 +69,8 @@ class Scratch(NamedTuple):
     driving: np.ndarray  # (3N,) A u_inf + drive + forces
     jacobian: np.ndarray  # (3N, 3N)
     residual: np.ndarray  # (3N,)
+    move: np.ndarray  # (3N,)
+    iterations: np.ndarray  # (1,) of Newton's method, for the profile
     labels: np.ndarray  # (N,)
     pairs: np.ndarray  # (B, 2) contacts
     normals: np.ndarray  # (B, 3)
@@ -75,6 +81,7 @@ def scratch(n):
     """Work arrays for n primaries."""
     return Scratch(
         stokesian.workspace(n),
+        lagged.new_lagged(n),
         np.empty((n, 3)),
         np.empty((n, 3)),
         np.empty((n, n)),
@@ -83,6 +90,8 @@ def scratch(n):
         np.empty(3 * n),
         np.empty((3 * n, 3 * n)),
         np.empty(3 * n),
+        np.empty(3 * n),
+        np.zeros(1, np.int64),
         np.empty(n, np.int64),
         np.empty((n * (n - 1) // 2, 2), np.int64),
         np.empty((n * (n - 1) // 2, 3)),
@@ -177,13 +186,20 @@ def middle_geometry(motion, history, labels, bodies, gaps, step, options, work):
 
 
 @njit(cache=True)
-def drive_at_middle(motion, flow, physics, work):
+def drive_at_middle(motion, flow, physics, labels, bodies, lag, work):
     """Resistance A of torque-free spheres and everything that drives them but contacts; 0 or an error code."""
     n = motion.radii.shape[0]
     hydro = work.hydrodynamics
-    if stokesian.far_field_resistance(hydro, motion.radii) != 0:
-        return NOT_POSITIVE_DEFINITE
-    stokesian.far_field_drive(hydro, flow.strain_five)
+    if lag > 0.0:
+        if (
+            lagged.far_field(work.kept, hydro, motion.radii, work.middle, labels, bodies, flow.strain, lag)
+            != 0
+        ):
+            return NOT_POSITIVE_DEFINITE
+    else:
+        if stokesian.far_field_resistance(hydro, motion.radii) != 0:
+            return NOT_POSITIVE_DEFINITE
+        stokesian.far_field_drive(hydro, flow.strain_five)
     add_two_body(hydro, motion.radii, flow.strain, physics.cutoff, physics.shifted, physics.table)
     if stokesian.eliminate_torques(hydro.resistance) != 0:
         return NOT_POSITIVE_DEFINITE
@@ -199,7 +215,6 @@ def drive_at_middle(motion, flow, physics, work):
         physics.double_layer,
         physics.short_range,
     )
-    # Symmetric product with the flow, from the lower triangle.
     m = 3 * n
     matrix = hydro.resistance[m:, m:]
     for i in range(n):
@@ -210,12 +225,9 @@ def drive_at_middle(motion, flow, physics, work):
                 + flow.gradient[k, 2] * work.middle[i, 2]
             )
             work.driving[3 * i + k] = hydro.drive[m + 3 * i + k] + work.forces[i, k]
+    multiply_symmetric(matrix, work.residual, work.move)
     for row in range(m):
-        total = matrix[row, row] * work.residual[row]
-        for column in range(row):
-            total += matrix[row, column] * work.residual[column]
-            work.driving[column] += matrix[row, column] * work.residual[row]
-        work.driving[row] += total
+        work.driving[row] += work.move[row]
     return 0
 
 
@@ -227,25 +239,26 @@ def add_two_body(hydro, radii, strain, cutoff, shifted, table):
 
 
 @njit(cache=True)
-def solve_contacts(positions, radii, contacts, step, jkr, dmt, work):
-    """Newton for the positions at the end of the step, from the guess in work.end; 0 or NOT_CONVERGED."""
+def solve_contacts(positions, radii, contacts, gaps, step, jkr, dmt, work):
+    """Newton for the positions at the end of the step, from the guess in work.end; 0 or NOT_CONVERGED.
+
+    The first iteration takes each contact by its tangent at the old gap, the following ones by the law itself.
+    When that does not settle, the start is made once more with linear springs about equilibrium.
+    """
     n = radii.shape[0]
     m = 3 * n
     matrix = work.hydrodynamics.resistance[m:, m:]
-    jacobian, residual = work.jacobian, work.residual
-    for iteration in range(40):
+    jacobian, residual, move = work.jacobian, work.residual, work.move
+    for iteration in range(48):
+        fallback = iteration == 16 or iteration == 17
+        for i in range(n):
+            for k in range(3):
+                move[3 * i + k] = (work.end[i, k] - positions[i, k]) / step
+        multiply_symmetric(matrix, move, residual)
         for row in range(m):
+            residual[row] = work.driving[row] - residual[row]
             for column in range(row + 1):
                 jacobian[row, column] = matrix[row, column] / step
-        residual[:] = work.driving
-        for row in range(m):
-            total = 0.0
-            move = work.end[row // 3, row % 3] - positions[row // 3, row % 3]
-            for column in range(row):
-                other = work.end[column // 3, column % 3] - positions[column // 3, column % 3]
-                total += jacobian[row, column] * other
-                residual[column] -= jacobian[row, column] * move
-            residual[row] -= total + jacobian[row, row] * move
         for b in range(contacts):
             i, j = work.pairs[b, 0], work.pairs[b, 1]
             old = new = 0.0
@@ -261,14 +274,19 @@ def solve_contacts(positions, radii, contacts, step, jkr, dmt, work):
             radius = harmonic_radius(radii[i], radii[j])
             gap = new - radii[i] - radii[j]
             rest, stiffness = contact_equilibrium(radius, jkr, dmt)
-            if iteration < 2:
+            if fallback:
                 force, slope = -stiffness * (gap - rest), stiffness
+            elif iteration == 0:
+                force, tangent = contact_force(gaps[i, j], radius, jkr, dmt)
+                slope = max(-tangent, 0.1 * stiffness)
+                force -= slope * (gap - gaps[i, j])
             else:
                 force, tangent = contact_force(gap, radius, jkr, dmt)
                 slope = max(-tangent, 0.02 * stiffness)
             for k in range(3):
-                residual[3 * i + k] += force * work.normals[b, k]
-                residual[3 * j + k] -= force * work.normals[b, k]
+                along = force * work.normals[b, k]
+                residual[3 * i + k] += along
+                residual[3 * j + k] -= along
                 for l in range(3):
                     value = slope * work.normals[b, k] * work.normals[b, l]
                     jacobian[3 * i + k, 3 * j + l] -= value
@@ -279,16 +297,24 @@ def solve_contacts(positions, radii, contacts, step, jkr, dmt, work):
             return NOT_CONVERGED
         solve_cholesky(jacobian, residual)
         change = 0.0
-        for row in range(m):
-            change = max(change, abs(residual[row]))
-            work.end[row // 3, row % 3] += residual[row]
+        for i in range(n):
+            for k in range(3):
+                change = max(change, abs(residual[3 * i + k]))
+                work.end[i, k] += residual[3 * i + k]
+        log_iterations(work)
         if not np.isfinite(change):
             return NOT_CONVERGED
         if contacts == 0:
             return 0
-        if iteration >= 2 and change < 1e-8:
+        if iteration >= 1 and not fallback and change < 1e-7:
             return 0
     return NOT_CONVERGED
+
+
+@njit(cache=True, inline="always")
+def log_iterations(work):
+    """Count an iteration of Newton's method."""
+    work.iterations[0] += 1
 
 
 @njit(cache=True)
@@ -328,14 +354,14 @@ def attempt(motion, history, flow, physics, options, log, gaps, work, bodies, st
             return NOT_CONVERGED
         middle_geometry(motion, history, work.labels, bodies, gaps, step, options, work)
         log.solves[0] += 1
-        code = drive_at_middle(motion, flow, physics, work)
+        code = drive_at_middle(motion, flow, physics, work.labels, bodies, options.far_field_lag, work)
         if code != 0:
             if step > 1e-6 and not np.isfinite(work.middle.sum()):
                 return NOT_FINITE
             return code
         contacts = list_contacts(motion.bonded, work.pairs)
         extrapolate(motion.positions, history, work.labels, bodies, step, work.end)
-        if solve_contacts(motion.positions, radii, contacts, step, jkr, dmt, work) != 0:
+        if solve_contacts(motion.positions, radii, contacts, gaps, step, jkr, dmt, work) != 0:
             step *= 0.5
             continue
         find_gaps(work.end, radii, work.end_gaps)
@@ -363,7 +389,7 @@ def attempt(motion, history, flow, physics, options, log, gaps, work, bodies, st
         note_contact_lost(motion, log, i, j, now)
         changed = True
         contacts = list_contacts(motion.bonded, work.pairs)
-        if solve_contacts(motion.positions, radii, contacts, step, jkr, dmt, work) != 0:
+        if solve_contacts(motion.positions, radii, contacts, gaps, step, jkr, dmt, work) != 0:
             return NOT_CONVERGED
         find_gaps(work.end, radii, work.end_gaps)
         lost, _ = worst_overstretch(contacts, radii, jkr, dmt, work)

@@ -1,0 +1,209 @@
+"""The far field of a while ago, turned along.
+
+The far-field resistance is what costs most of a step and varies slowest.  It is kept from one step to the next, each
+body's share turned with the body, which is exact as long as nothing but a common rotation happens; it is made
+anew when a separation between two spheres has changed, beyond that turn, by more than a share of itself.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from mcdem.hydrodynamics import stokesian
+from mcdem.hydrodynamics.far_field import tensor_to_five
+
+
+class Lagged(NamedTuple):
+    """A far field and where it was made."""
+
+    made: np.ndarray  # (1,) bool
+    resistance: np.ndarray  # (6N, 6N)
+    drives: np.ndarray  # (5, 6N) of the five unit strains
+    positions: np.ndarray  # (N, 3)
+    turns: np.ndarray  # (N, 3, 3) rotation of each sphere's body since then
+
+
+@njit(cache=True)
+def new_lagged(n):
+    """Nothing kept yet."""
+    return Lagged(
+        np.zeros(1, np.bool_),
+        np.empty((6 * n, 6 * n)),
+        np.empty((5, 6 * n)),
+        np.empty((n, 3)),
+        np.empty((n, 3, 3)),
+    )
+
+
+@njit(cache=True)
+def nearest_rotation(matrix):
+    """Orthogonal polar factor of matrix (3, 3), in place, by scaled Newton iteration (Higham 1986)."""
+    inverse = np.empty((3, 3))
+    for _ in range(30):
+        for p in range(3):
+            for q in range(3):
+                a, b, c, d = (p + 1) % 3, (p + 2) % 3, (q + 1) % 3, (q + 2) % 3
+                inverse[p, q] = matrix[a, c] * matrix[b, d] - matrix[a, d] * matrix[b, c]
+        determinant = 0.0
+        for q in range(3):
+            determinant += matrix[0, q] * inverse[0, q]
+        size = inverse_size = 0.0
+        for p in range(3):
+            for q in range(3):
+                inverse[p, q] /= determinant
+                size += matrix[p, q] ** 2
+                inverse_size += inverse[p, q] ** 2
+        scale = (inverse_size / size) ** 0.25
+        change = 0.0
+        for p in range(3):
+            for q in range(3):
+                new = 0.5 * (scale * matrix[p, q] + inverse[p, q] / scale)
+                change = max(change, abs(new - matrix[p, q]))
+                matrix[p, q] = new
+        if change < 1e-12:
+            return
+
+
+@njit(cache=True)
+def follow_turns(kept, positions, labels, bodies):
+    """Renew the rotation of every body since the far field was made, by the best fit of its spheres."""
+    n = labels.shape[0]
+    fit = np.empty((3, 3))
+    now, then = np.empty(3), np.empty(3)
+    for body in range(bodies):
+        now[:] = 0.0
+        then[:] = 0.0
+        members, some = 0, 0
+        for i in range(n):
+            if labels[i] == body:
+                members += 1
+                some = i
+                for k in range(3):
+                    now[k] += positions[i, k]
+                    then[k] += kept.positions[i, k]
+        if members == 1:
+            continue
+        for k in range(3):
+            now[k] /= members
+            then[k] /= members
+        # Directions that the spheres do not fix (a doublet's axis) follow the last rotation.
+        for p in range(3):
+            for q in range(3):
+                fit[p, q] = 0.01 * kept.turns[some, p, q]
+        for i in range(n):
+            if labels[i] == body:
+                for p in range(3):
+                    for q in range(3):
+                        fit[p, q] += (positions[i, p] - now[p]) * (kept.positions[i, q] - then[q])
+        nearest_rotation(fit)
+        for i in range(n):
+            if labels[i] == body:
+                kept.turns[i] = fit
+
+
+@njit(cache=True)
+def still_good(kept, positions, tolerance):
+    """Whether no separation has changed by more than `tolerance` of itself beyond the turn of its bodies."""
+    n = positions.shape[0]
+    for i in range(n):
+        for j in range(i):
+            change = distance = 0.0
+            for k in range(3):
+                d = positions[i, k] - positions[j, k]
+                old = 0.0
+                for m in range(3):
+                    turn = 0.5 * (kept.turns[i, k, m] + kept.turns[j, k, m])
+                    old += turn * (kept.positions[i, m] - kept.positions[j, m])
+                change += (d - old) ** 2
+                distance += d * d
+            if change > tolerance * tolerance * distance:
+                return False
+    return True
+
+
+@njit(cache=True, inline="always")
+def turn_block(source, target, row, column, left, right, half):
+    """target block = left source block right^T, all (3, 3); half (3, 3) is work space."""
+    for p in range(3):
+        for q in range(3):
+            half[p, q] = (
+                left[p, 0] * source[row, column + q]
+                + left[p, 1] * source[row + 1, column + q]
+                + left[p, 2] * source[row + 2, column + q]
+            )
+    for p in range(3):
+        for q in range(3):
+            target[row + p, column + q] = (
+                half[p, 0] * right[q, 0] + half[p, 1] * right[q, 1] + half[p, 2] * right[q, 2]
+            )
+
+
+@njit(cache=True)
+def turned_far_field(kept, work, strain):
+    """The kept far field, turned, into `work.resistance` and `work.drive`."""
+    n = kept.positions.shape[0]
+    m = 3 * n
+    seen = np.empty(5)
+    local, half = np.empty((3, 3)), np.empty((3, 3))
+    source, target, turns = kept.resistance, work.resistance, kept.turns
+    for i in range(n):
+        left = turns[i]
+        for j in range(i + 1):
+            turn_block(source, target, 3 * i, 3 * j, left, turns[j], half)
+            turn_block(source, target, m + 3 * i, m + 3 * j, left, turns[j], half)
+        for j in range(n):
+            turn_block(source, target, m + 3 * i, 3 * j, left, turns[j], half)
+        for p in range(3):
+            for q in range(3):
+                total = 0.0
+                for k in range(3):
+                    for c in range(3):
+                        total += left[k, p] * strain[k, c] * left[c, q]
+                local[p, q] = total
+        tensor_to_five(local, seen)
+        for start in (3 * i, m + 3 * i):
+            for p in range(3):
+                total = 0.0
+                for q in range(3):
+                    for c in range(5):
+                        total += left[p, q] * kept.drives[c, start + q] * seen[c]
+                work.drive[start + p] = total
+
+
+@njit(cache=True)
+def far_field(kept, work, radii, positions, labels, bodies, strain, tolerance):
+    """Far field into `work.resistance` and `work.drive`, kept or made anew; 0 or an error code."""
+    if kept.made[0]:
+        follow_turns(kept, positions, labels, bodies)
+        if still_good(kept, positions, tolerance):
+            turned_far_field(kept, work, strain)
+            return 0
+    code = stokesian.far_field_resistance(work, radii)
+    if code != 0:
+        return code
+    n = radii.shape[0]
+    unit = np.zeros(5)
+    five = np.empty(5)
+    tensor_to_five(strain, five)
+    for k in range(5):
+        unit[:] = 0.0
+        unit[k] = 1.0
+        stokesian.far_field_drive(work, unit)
+        kept.drives[k] = work.drive
+    work.drive[:] = 0.0
+    for k in range(5):
+        for row in range(6 * n):
+            work.drive[row] += five[k] * kept.drives[k, row]
+    for row in range(6 * n):
+        for column in range(row + 1):
+            kept.resistance[row, column] = kept.resistance[column, row] = work.resistance[row, column]
+    kept.positions[:] = positions
+    for i in range(n):
+        for p in range(3):
+            for q in range(3):
+                kept.turns[i, p, q] = 1.0 if p == q else 0.0
+    kept.made[0] = True
+    return 0
