@@ -69,6 +69,7 @@ def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
     height = 2 * tall + strip
     with look():
         figure = Figure(figsize=(width / 100, height / 100), dpi=100)
+        figure.set_layout_engine("none")
         agg = FigureCanvasAgg(figure)
         above = figure.add_axes((0.0, (tall + strip) / height, 1.0, tall / height))
         below = figure.add_axes((0.0, strip / height, 1.0, tall / height))

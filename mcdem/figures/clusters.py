@@ -110,7 +110,8 @@ def draw_clusters(numbers: xr.Dataset) -> Canvas:
         axes.add_patch(Circle((0, 0), float(one["outer_radius"]), fill=False, ls="--", lw=0.7, ec=BLACK))
         a1, a2, _ = one["semi_axes"].values
         axes.add_patch(Ellipse((0, 0), 2 * a1, 2 * a2, fill=False, lw=0.9, ec=VERMILION))
-        axes.set_axis_off()
+        axes.set(xticks=[], yticks=[])
+        axes.spines[:].set_visible(False)
         letter = "abcdefghijklmnop"[k % 16]
         axes.set_title(
             f"({letter}) {float(one['stress']):.4g} Pa, $P$ = {int(one['size'])}, A.R. = {float(one['aspect_ratio']):.2f},\n"

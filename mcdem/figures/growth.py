@@ -65,7 +65,7 @@ def _lines(axes, numbers: xr.Dataset, name: str) -> None:
         axes.fill_between(span, mean - 2 * error, mean + 2 * error, color=colour(which), alpha=0.3, lw=0)
     axes.set_xlabel("process time  $t$ [s]")
     axes.set_xlim(0, float(numbers["time"].max()))
-    axes.legend(title=r"$\mu\dot\gamma$", title_fontsize=6.5, loc="upper left")
+    axes.legend(title=r"$\mu\dot\gamma$", title_fontsize=6.5, loc="upper left", alignment="left")
     steady, runs = int(numbers["steady"].sum()), numbers.sizes["run"]
     note(
         axes,

@@ -71,3 +71,7 @@ def holds_for(scene: Scene, stress: float) -> bool:
     """Whether a scene has Table 1's suspension at a stress [Pa] for which the paper prints a number."""
     given = [scene.suspension.radius, scene.suspension.volume_fraction, scene.flow.shear_rate]
     return bool(np.allclose([*given, scene.flow.shear_stress], [500e-9, 1e-4, 1e4, stress], rtol=1e-3))
+
+
+STRESSES = (750.0, 875.0, 1000.0)
+"""The shear stresses [Pa] of its three suspensions."""

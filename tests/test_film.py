@@ -1,0 +1,64 @@
+"""A film shows the encounter's frames, in the pair's frame, with the strain running."""
+
+import numpy as np
+import pytest
+from PIL import Image
+from test_trajectory import A, turning_trimer
+
+from mcdem.errors import UserError
+from mcdem.film import film, frames, half_widths, interesting
+
+
+def test_frames_show_all_spheres_in_two_colours():
+    course = turning_trimer(5)
+    pictures = list(frames(course, width=240))
+    assert len(pictures) == 5
+    picture = pictures[0].astype(int)
+    blue = (picture[..., 2] - picture[..., 0] > 60).sum()
+    orange = (picture[..., 0] - picture[..., 2] > 60).sum()
+    assert blue > 1.3 * orange > 100  # two of i against one of j
+    assert np.abs(pictures[0].astype(int) - pictures[-1]).sum() > 0
+
+
+def test_the_camera_follows_the_centre_of_mass():
+    course = turning_trimer(5)
+    moved = course.part(0, 5)
+    drift = np.array([3.0, -2.0, 7.0]) * A * np.arange(5)[:, None, None]
+    object.__setattr__(moved, "positions", course.positions + drift)
+    for here, there in zip(frames(course, 160), frames(moved, 160), strict=True):
+        assert np.abs(here.astype(int) - there).mean() < 0.5
+
+
+def test_the_picture_widens_without_a_jerk():
+    course = turning_trimer(41)
+    widths = half_widths(course)
+    assert widths.shape == (41,)
+    assert np.abs(np.diff(widths, 2)).max() < 0.02 * widths.max()
+
+
+def test_only_the_part_with_something_to_see_is_kept():
+    course = turning_trimer(201)  # 40 strains, contact at the middle
+    kept = interesting(course)
+    assert kept.strain[0] < 20 < kept.strain[-1]
+    assert kept.frames < 150
+
+
+@pytest.mark.parametrize("name", ["film.gif", "film.mp4"])
+def test_film_reads_back(tmp_path, name):
+    course = turning_trimer(9)
+    if name.endswith("mp4"):
+        reader = pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
+        path = film(course, tmp_path / name, width=240, whole=True)
+        count, seconds = reader.count_frames_and_secs(str(path))
+        assert count == 9
+        assert seconds == pytest.approx(9 / 25, abs=0.05)
+        return
+    path = film(course, tmp_path / name, width=240, whole=True)
+    with Image.open(path) as image:
+        assert image.n_frames == 9
+        assert image.info["duration"] == 40
+
+
+def test_other_endings_are_refused(tmp_path):
+    with pytest.raises(UserError, match=r"\.mp4 or \.gif"):
+        film(turning_trimer(3), tmp_path / "film.avi")
