@@ -33,6 +33,18 @@ class ShapeMemory:
 
 
 @dataclass(frozen=True, eq=False)
+class PairRows:
+    """Products of every pair of sizes, already on the grid.
+
+    number : (S (S + 1) / 2, S + 2) products on each pivot, then overflow number and mass; pair i <= j of sizes is row
+        j (j + 1) / 2 + i
+    """
+
+    number: np.ndarray
+    name: str = "pair rows"
+
+
+@dataclass(frozen=True, eq=False)
 class Aggregation:
     """i + j -> one aggregate with the mass of both.
 
@@ -48,7 +60,7 @@ class Aggregation:
 class CollisionalBreakup:
     """i + j -> fragments of the two together (exchange included).
 
-    daughters : Daughters of the joint mass; or a function (mass_i, mass_j) -> (masses, expected numbers)
+    daughters : Daughters of the joint mass; or a function (mass_i, mass_j) -> (masses, expected numbers); or PairRows
     """
 
     kernel: object
@@ -102,6 +114,29 @@ class _Rows:
         keep = np.flatnonzero((number != 0) | (carried != 0))
         self.check(keep[None], number[keep][None], carried[keep][None], np.atleast_2d(parents), name)
         self.add_block(keep[None] + offset, number[keep][None], carried[keep][None])
+
+    def add_pairs(self, given: PairRows, parents, offset):
+        """All rows at once."""
+        grid, number = self.grid, np.asarray(given.number, float)
+        if not isinstance(grid, Grid) or number.shape != (len(parents), grid.sizes + 2):
+            raise PBEError(f"{given.name}: got {number.shape}, expected ({len(parents)}, {grid.sizes + 2})")
+        if np.any(~np.isfinite(number)) or np.any(number < 0):
+            raise KernelError(f"{given.name}: negative or not finite")
+        carried = number[:, :-2] * grid.pivots
+        weighs = carried.sum(axis=1) + number[:, -1]
+        wrong = np.flatnonzero(np.abs(weighs - parents[:, 0]) > 1e-9 * parents[:, 0])
+        if wrong.size:
+            r = wrong[0]
+            raise KernelError(
+                f"{given.name}: products weigh {weighs[r]} where the parents weigh {parents[r, 0]}"
+            )
+        number = number * (parents / weighs[:, None])
+        row, slot = np.nonzero(number)
+        self.slot.append(slot + offset)
+        self.number.append(number[row, slot])
+        # A product on its pivot has the pivot's mass: the cell average then leaves it there.
+        self.carried.append(np.append(grid.pivots, [0.0, 0.0])[slot] * number[row, slot])
+        self.length.append(np.bincount(row, minlength=len(parents)))
 
     def add_block(self, slot, number, carried):
         """Rows of equal length (rows, entries)."""
@@ -279,6 +314,9 @@ def _encounters(grid, events, class_start, group, variants, averaged, closed) ->
 
 def _collisional_rows(grid, event, rows, size_mass, low_size, high_size, weight, offset):
     two, averaged, closed = isinstance(grid, TwoComponentGrid), rows.averaged, rows.closed
+    if isinstance(event.daughters, PairRows):
+        rows.add_pairs(event.daughters, size_mass[low_size] + size_mass[high_size], offset)
+        return
     of_pair: Callable | None = None
     if not isinstance(event.daughters, Daughters) and callable(event.daughters):
         of_pair = event.daughters

@@ -6,6 +6,7 @@ Legend: K cells, S sizes (pivots).  Masses are numbers of primaries P (a *discre
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -91,10 +92,8 @@ class Grid:
     def with_outer_radius(self, radius: Callable | np.ndarray) -> Grid:
         """Give every cell its outer radius R [m]: an array (K,), or a function of mass, or of mass and shape."""
         if callable(radius):
-            try:
-                values = radius(self.mass, self.shape)
-            except TypeError:
-                values = radius(self.mass)
+            wanted = [p for p in inspect.signature(radius).parameters.values() if p.default is p.empty]
+            values = radius(self.mass, self.shape) if len(wanted) == 2 else radius(self.mass)
         else:
             values = radius
         values = np.broadcast_to(np.asarray(values, float), (self.cells,)).copy()

@@ -14,7 +14,6 @@ Within a pair of classes, encounters are those of a uniform flux over the cross 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -503,7 +502,7 @@ class KernelTable:
                 unfinished, mode="w", encoding={v: {"zlib": True} for v in root.data_vars if root[v].size > 1}
             )
             xr.Dataset(columns).to_netcdf(unfinished, mode="a", group="records", encoding=pack)
-            os.replace(unfinished, path)
+            unfinished.replace(path)
         finally:
             unfinished.unlink(missing_ok=True)
 
@@ -514,8 +513,9 @@ class KernelTable:
             with xr.open_dataset(path) as root, xr.open_dataset(path, group="records") as rows:
                 root.load()
                 rows.load()
-        except (OSError, KeyError) as problem:
-            raise PBEError(f"{path}: no kernel table ({problem}); make one with mcdem kernels") from None
+        except (OSError, KeyError, ValueError) as problem:
+            words = str(problem).splitlines()[0]
+            raise PBEError(f"{path}: no kernel table ({words}); make one with mcdem kernels") from None
         missing = [name for name in COLUMNS if name not in rows]
         if missing or "size_edges" not in root:
             raise PBEError(f"{path}: no kernel table, lacks {', '.join(missing) or 'size_edges'}")
