@@ -1,8 +1,8 @@
 """The far field of a while ago, turned along.
 
 The far-field resistance is what costs most of a step and varies slowest.  It is kept from one step to the next, each
-body's share turned with the body, which is exact as long as nothing but a common rotation happens; it is made
-anew when a separation between two spheres has changed, beyond that turn, by more than a share of itself.
+body's share turned with the body, or all turned together, which is exact as long as nothing but that rotation
+happens; it is made anew when a separation has changed beyond it by more than a share of the gap plus one radius.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ class Lagged(NamedTuple):
     drives: np.ndarray  # (5, 6N) of the five unit strains
     positions: np.ndarray  # (N, 3)
     turns: np.ndarray  # (N, 3, 3) rotation of each sphere's body since then
+    together: np.ndarray  # (N,) work space
 
 
 @njit(cache=True)
@@ -35,6 +36,7 @@ def new_lagged(n):
         np.empty((5, 6 * n)),
         np.empty((n, 3)),
         np.empty((n, 3, 3)),
+        np.empty(n, np.int64),
     )
 
 
@@ -105,9 +107,10 @@ def follow_turns(kept, positions, labels, bodies):
 
 
 @njit(cache=True)
-def still_good(kept, positions, tolerance):
-    """Whether no separation has changed by more than `tolerance` of itself beyond the turn of its bodies."""
+def worst_change(kept, positions):
+    """Largest change of a separation beyond the turn of its bodies, over the gap plus one radius."""
     n = positions.shape[0]
+    worst = 0.0
     for i in range(n):
         for j in range(i):
             change = distance = 0.0
@@ -119,9 +122,22 @@ def still_good(kept, positions, tolerance):
                     old += turn * (kept.positions[i, m] - kept.positions[j, m])
                 change += (d - old) ** 2
                 distance += d * d
-            if change > tolerance * tolerance * distance:
-                return False
-    return True
+            room = max(np.sqrt(distance) - 1.0, 1.0)
+            worst = max(worst, change / (room * room))
+    return np.sqrt(worst)
+
+
+@njit(cache=True)
+def still_good(kept, positions, labels, bodies, together, tolerance):
+    """Turn the kept far field along, body by body or all together, whichever fits; whether it is within `tolerance`."""
+    follow_turns(kept, positions, labels, bodies)
+    if worst_change(kept, positions) <= tolerance:
+        return True
+    if bodies == 1:
+        return False
+    together[:] = 0
+    follow_turns(kept, positions, together, 1)
+    return worst_change(kept, positions) <= tolerance
 
 
 @njit(cache=True, inline="always")
@@ -177,8 +193,7 @@ def turned_far_field(kept, work, strain):
 def far_field(kept, work, radii, positions, labels, bodies, strain, tolerance):
     """Far field into `work.resistance` and `work.drive`, kept or made anew; 0 or an error code."""
     if kept.made[0]:
-        follow_turns(kept, positions, labels, bodies)
-        if still_good(kept, positions, tolerance):
+        if still_good(kept, positions, labels, bodies, kept.together, tolerance):
             turned_far_field(kept, work, strain)
             return 0
     code = stokesian.far_field_resistance(work, radii)

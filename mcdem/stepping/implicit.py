@@ -42,6 +42,10 @@ from mcdem.stepping.state import (
 )
 
 
+# Number of primaries from which turning a kept far field costs less than a new one.
+LAG_PAYS = 8
+
+
 class ImplicitOptions(NamedTuple):
     """Numerics of the scheme; lengths in a, times in 1/g."""
 
@@ -190,7 +194,7 @@ def drive_at_middle(motion, flow, physics, labels, bodies, lag, work):
     """Resistance A of torque-free spheres and everything that drives them but contacts; 0 or an error code."""
     n = motion.radii.shape[0]
     hydro = work.hydrodynamics
-    if lag > 0.0:
+    if lag > 0.0 and n >= LAG_PAYS:
         if (
             lagged.far_field(work.kept, hydro, motion.radii, work.middle, labels, bodies, flow.strain, lag)
             != 0
