@@ -28,7 +28,9 @@ def probabilities(i, j, s_i=1.0, s_j=1.0):
 def new_shape(rng, size, shapes):
     """Shapes of products are drawn anew, rounder for larger ones; one or two primaries have none."""
     share = 1 / (1 + np.asarray(size, float) / 12)
-    return np.where(np.asarray(size) > 2, np.where(rng.random(np.shape(size)) < share, shapes[1], shapes[0]), 1.0)
+    return np.where(
+        np.asarray(size) > 2, np.where(rng.random(np.shape(size)) < share, shapes[1], shapes[0]), 1.0
+    )
 
 
 def shape_share(size):

@@ -41,7 +41,6 @@ from mcdem.stepping.state import (
     remember,
 )
 
-
 # Number of primaries from which turning a kept far field costs less than a new one.
 LAG_PAYS = 8
 
