@@ -56,7 +56,7 @@ class Records:
 
     size (n, 2) primaries of both parents; aspect_ratio, outer_radius [m], radius_of_gyration [m] (n, 2)
     offset (n, 2) [m]; outcome (n,) index of OUTCOMES; source (n,) index of SOURCES; time (n,) [s] of the run, nan if
-    designed; cpu_time (n,) [s]
+    designed; solves (n,) evaluations of the hydrodynamics; cpu_time (n,) [s]
     products (n,) number of products; product_* (m,) in the order of the encounters; product_from_first: primaries that
     came from the first parent.  Survivors of `missed` and `parted` are their parents again, in any order; products of
     `unresolved` are the parents.
@@ -70,6 +70,7 @@ class Records:
     outcome: np.ndarray
     source: np.ndarray
     time: np.ndarray
+    solves: np.ndarray
     cpu_time: np.ndarray
     products: np.ndarray
     product_size: np.ndarray
@@ -79,10 +80,15 @@ class Records:
     product_radius_of_gyration: np.ndarray
 
     def __post_init__(self):
-        integer = ("size", "outcome", "source", "products", "product_size", "product_from_first")
+        integer = ("size", "outcome", "source", "solves", "products", "product_size", "product_from_first")
         for f in fields(self):
             value = np.asarray(getattr(self, f.name))
-            object.__setattr__(self, f.name, value.astype(np.int64 if f.name in integer else float))
+            if f.name in integer:
+                value = value.astype(np.int64)
+            elif f.name not in EXACT:
+                # The precision of the file, so that a table read back is the table that was written.
+                value = value.astype(np.float32)
+            object.__setattr__(self, f.name, value if f.name in integer else value.astype(float))
         n = len(self.outcome)
         wrong = [
             f.name
@@ -150,6 +156,11 @@ class Records:
             self.product_radius_of_gyration,
         )
 
+    @property
+    def work(self) -> np.ndarray:
+        """(n,) what an encounter costs on any machine, in units of its own: evaluations times size squared."""
+        return self.solves * self.size.sum(axis=1) ** 2.0
+
     @cached_property
     def survivors(self) -> np.ndarray:
         """(n, 2) index of the product that each parent became where both survived, -1 elsewhere."""
@@ -171,6 +182,8 @@ def _coordinate(name, radius, size, aspect_ratio, outer_radius, radius_of_gyrati
     return length / (radius * np.cbrt(size))
 
 
+EXACT = ("outer_radius", "product_outer_radius")
+"""Columns kept in double precision; other real numbers are in single."""
 COLUMNS = {
     "size": ("1", "primary particles of each parent"),
     "aspect_ratio": ("1", SHAPES["aspect ratio"] + " of each parent"),
@@ -180,6 +193,7 @@ COLUMNS = {
     "outcome": ("1", "outcome of the encounter"),
     "source": ("1", "where the encounter comes from"),
     "time": ("s", "process time in the run"),
+    "solves": ("1", "evaluations of the hydrodynamics within the encounter"),
     "cpu_time": ("s", "processor time of the encounter"),
     "products": ("1", "aggregates that left the encounter"),
     "product_size": ("1", "primary particles of each product"),
@@ -289,8 +303,11 @@ class KernelTable:
     def shape_class(self, shape) -> np.ndarray:
         if self.shape_edges is None:
             return np.zeros(np.shape(shape), np.int64)
-        inner = self.shape_edges[1:-1]
-        return np.searchsorted(inner, np.nan_to_num(np.asarray(shape, float), nan=inner[0] - 1), side="right")
+        # In the precision in which shapes are stored, so that one on an edge stays in its class.
+        inner = self.shape_edges[1:-1].astype(np.float32)
+        return np.searchsorted(
+            inner, np.nan_to_num(np.asarray(shape, np.float32), nan=inner[0] - 1), side="right"
+        )
 
     def class_of(self, size, shape) -> np.ndarray:
         """Class of an aggregate: size class and, from three primaries on, shape class."""
@@ -492,7 +509,7 @@ class KernelTable:
             if name == "products":
                 note |= {"sample_dimension": "product"}
             small = {"outcome": np.int8, "source": np.int8}.get(
-                name, np.int32 if value.dtype.kind == "i" else "f4"
+                name, np.int32 if value.dtype.kind == "i" else "f8" if name in EXACT else "f4"
             )
             columns[name] = (dims, value.astype(small), note)
         pack = {name: {"zlib": True, "complevel": 4} for name in columns}

@@ -69,6 +69,7 @@ def encounters(rng, size, shape, shapes=(1.0, 1.0)) -> Records:
         outcome=outcome,
         source=np.ones(n),
         time=np.full(n, np.nan),
+        solves=np.ones(n),
         cpu_time=np.zeros(n),
         products=count,
         product_size=product_size[mask],
