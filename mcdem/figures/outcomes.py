@@ -244,5 +244,6 @@ def draw_bond_tension(numbers: xr.Dataset) -> Canvas:
     axes.set_xlim(0, edges[-1])
     axes.set_xlabel(r"largest tension of an encounter over  $F_{adh}$")
     axes.set_ylabel("probability density")
-    legend(axes, "encounters; bands: Poisson", loc="upper right")
+    axes.set_ylim(0, 6 * axes.get_ylim()[1])
+    legend(axes, "encounters; bands: Poisson", loc="upper left")
     return figure

@@ -117,7 +117,7 @@ def draw_mass_size(numbers: xr.Dataset) -> Canvas:
                 *paper.EXPONENT_RANGES[length][1], color=colour, alpha=0.12, lw=0, hatch="////", fill=False
             )
             inset.plot(t[0], paper.EXPONENT_RANGES[length][0], ">", color=colour, ms=3, clip_on=False)
-    inset.set_ylim(1.0, 3.0)
+    inset.set_ylim(1.0, 3.6)
     inset.set_xlim(0, max(t[-1], 1e-9))
     inset.tick_params(labelsize=5.5)
     inset.set_xlabel("$t$ [s]", fontsize=6, labelpad=0)
@@ -173,6 +173,7 @@ def draw_solid_fraction(numbers: xr.Dataset) -> Canvas:
         ha="right",
     )
     axes.set_xlabel("number of primaries  $P$")
+    axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_ylabel(r"solid fraction  $\phi$")
     axes.set_ylim(0, 1.35)
     axes.set_xlim(0, None)
@@ -279,6 +280,7 @@ def draw_aspect_against_size(numbers: xr.Dataset) -> Canvas:
         )
         axes.legend(loc="upper left")
     axes.set_xlabel("number of primaries  $P$")
+    axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_ylabel("aspect ratio  A.R.")
     axes.set_xlim(0, None)
     axes.set_ylim(0.9, 1.15 * max(ratio.max() if len(ratio) else 2, 2))
@@ -331,6 +333,7 @@ def draw_coordination(numbers: xr.Dataset) -> Canvas:
             [15, p.max()], *paper.COORDINATION, color=VERMILION, alpha=0.12, lw=0, label="paper, $P>15$"
         )
     axes.set_xlabel("number of primaries  $P$")
+    axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_ylabel(r"mean coordination number  $\bar n_c$")
     axes.set_xlim(0, None)
     axes.set_ylim(-0.3, 7.2)
@@ -389,6 +392,7 @@ def draw_isostaticity(numbers: xr.Dataset) -> Canvas:
     )
     axes.axhline(0, color=GREY, lw=0.5)
     axes.set_xlabel("number of primaries  $P$")
+    axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_ylabel("bonds beyond $3P-6$")
     axes.legend(loc="lower left", markerscale=0.8)
     return figure

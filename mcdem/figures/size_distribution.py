@@ -86,6 +86,7 @@ def draw_by_primaries(numbers: xr.Dataset) -> Canvas:
         curve = len(clusters) / total * stats.lognorm.pdf(x, sigma, scale=np.exp(mu))
         axes.plot(x, curve, "--", color=VERMILION, label="log-normal of $P > 1$")
     axes.set_xlabel("number of primaries  $P$")
+    axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_ylabel("share of aggregates")
     axes.set_xlim(0, None)
     axes.set_ylim(0, None)
