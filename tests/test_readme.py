@@ -1,9 +1,11 @@
 """What README says is so: its scene loads, its error message is the one printed, its map shows what is there."""
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from mcdem.cli import app
 from mcdem.errors import SceneError
@@ -30,6 +32,21 @@ def test_the_error_is_the_one_printed():
     with pytest.raises(SceneError) as caught:
         Scene.from_text(wrong, "scene.toml")
     assert f"error: {caught.value}" in block("console")
+
+
+def test_the_quickstart_runs(tmp_path, monkeypatch):
+    """Word for word, but for the installation and with a stop after three encounters."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scenes").symlink_to(ROOT / "scenes")
+    (tmp_path / "docs").mkdir()
+    (command,) = re.findall(r"<!-- quickstart -->\n```bash\n(.*)\n```", README)
+    words = [shlex.split(part)[1:] for part in command.split(" && ") if part.startswith(".venv/bin/mcdem ")]
+    assert [arguments[0] for arguments in words] == ["run", "plot"]
+    for arguments in (words[0] + ["--events", "3", "--workers", "1"], words[1]):
+        done = CliRunner().invoke(app, arguments)
+        assert done.exit_code == 0, done.output
+    assert f'<img src="{words[1][-1]}"' in README
+    assert (tmp_path / words[1][-1]).read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_python_runs(capsys, monkeypatch):
