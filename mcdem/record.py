@@ -162,7 +162,7 @@ BONDS = {
 }
 KEPT = {
     "event": Variable("i8", "1", "row of /events"),
-    "reason": Variable("str", "1", "why the encounter is unresolved; empty if it is not"),
+    "reason": Variable("S120", "1", "why the encounter is unresolved; empty if it is not"),
 }
 
 
@@ -173,8 +173,7 @@ class Table:
         self.variables = variables
         self.rows = 0
         self._columns: dict[str, NDArray[Any]] = {
-            name: np.zeros((rows, *(n for _, n in v.shape)), dtype=object if v.dtype == "str" else v.dtype)
-            for name, v in variables.items()
+            name: np.zeros((rows, *(n for _, n in v.shape)), dtype=v.dtype) for name, v in variables.items()
         }
 
     def __getitem__(self, name: str) -> NDArray[Any]:
@@ -315,7 +314,7 @@ class Record:
     ) -> None:
         """Append an event; `parents` are (serial, aggregate) before it, `products` what the population holds after."""
         if result.outcome in self.keep_parents:
-            self.kept.append(event=self.events.rows, reason=result.reason)
+            self.kept.append(event=self.events.rows, reason=result.reason.encode("ascii", "replace"))
             self.kept_parents.extend(
                 [aggregate for _, aggregate in parents],
                 [serial for serial, _ in parents],
@@ -382,7 +381,8 @@ class Record:
     def _fill(
         self, file: netCDF4.Dataset, population: Population, clocks: dict[str, Any], computed_in_vain: int
     ) -> None:
-        file.setncatts(
+        _describe(
+            file,
             {
                 "title": TITLE,
                 "Conventions": "CF-1.11",
@@ -396,7 +396,7 @@ class Record:
                 "command": shlex.join(sys.argv),
                 "date_modified": datetime.now(UTC).isoformat(timespec="seconds"),
                 "computed_in_vain": computed_in_vain,
-            }
+            },
         )
         _put(file, {"row": self.series})
         _put(file.createGroup("events"), {"event": self.events, "product": self.products})
@@ -456,6 +456,12 @@ def _refuse_another_scene(path: Path, text: str, scene: Scene) -> None:
                 )
 
 
+def _describe(node: Any, attributes: dict[str, Any]) -> None:
+    """Set attributes; text as characters of UTF-8, never as strings of variable length (see `_put`)."""
+    for name, value in attributes.items():
+        node.setncattr(name, value.encode() if isinstance(value, str) else value)
+
+
 def _put(group: netCDF4.Dataset, tables: dict[str, Table]) -> None:
     for row, table in tables.items():
         group.createDimension(row, table.rows)
@@ -464,19 +470,27 @@ def _put(group: netCDF4.Dataset, tables: dict[str, Table]) -> None:
                 if dimension not in group.dimensions:
                     group.createDimension(dimension, length)
             dimensions = (row, *(dimension for dimension, _ in variable.shape))
-            dtype = str if variable.dtype == "str" else variable.dtype
+            column, dtype = table[name], variable.dtype
+            if column.dtype.kind == "S":
+                # Strings of fixed length: those of variable length make HDF5 reach for files that are closed.
+                group.createDimension(f"{name}_length", column.itemsize)
+                column, dtype = netCDF4.stringtochar(column), "S1"
+                dimensions = (*dimensions, f"{name}_length")
             stored = group.createVariable(name, dtype, dimensions)
-            stored.setncatts(
-                {"units": variable.units, "long_name": variable.long_name, **dict(variable.attributes)}
+            _describe(
+                stored,
+                {"units": variable.units, "long_name": variable.long_name, **dict(variable.attributes)},
             )
-            stored[:] = table[name]
+            stored[:] = column
 
 
 def _get(group: netCDF4.Dataset, tables: dict[str, Table]) -> None:
     group.set_auto_mask(False)
     for row, table in tables.items():
         rows = len(group.dimensions[row])
-        columns = {name: group[name][:] if name in group.variables else np.nan for name in table.variables}
+        columns = {
+            name: _column(group[name]) if name in group.variables else np.nan for name in table.variables
+        }
         table.extend(rows, **columns)
 
 
@@ -491,6 +505,11 @@ def _shapes(
     return aspect_ratio(semi_axes(moments, primary_radius)), np.sqrt(moments.sum(axis=1))
 
 
+def _column(stored: netCDF4.Variable) -> NDArray[Any]:
+    values = stored[:]
+    return netCDF4.chartostring(values, "none") if values.dtype == "S1" else values
+
+
 def _put_state(group: netCDF4.Dataset, state: dict[str, Any]) -> None:
     meaning = {"block_time": "s", "time": "s"}
     for name, value in state.items():
@@ -500,8 +519,9 @@ def _put_state(group: netCDF4.Dataset, state: dict[str, Any]) -> None:
             group.createDimension(name, len(array))
             dimensions = (name,)
         stored = group.createVariable(name, array.dtype, dimensions)
-        stored.setncatts(
-            {"units": meaning.get(name, "1"), "long_name": f"{name.replace('_', ' ')}, to resume from"}
+        _describe(
+            stored,
+            {"units": meaning.get(name, "1"), "long_name": f"{name.replace('_', ' ')}, to resume from"},
         )
         stored[...] = array
 
@@ -660,6 +680,4 @@ def _differences(a: netCDF4.Dataset, b: netCDF4.Dataset, where: str) -> Iterator
 
 
 def _bits_equal(x: NDArray[Any], y: NDArray[Any]) -> bool:
-    if x.dtype == object:
-        return x.tolist() == y.tolist()
     return np.ascontiguousarray(x).tobytes() == np.ascontiguousarray(y).tobytes()

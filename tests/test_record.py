@@ -242,35 +242,3 @@ def test_a_full_disk_leaves_the_last_state_usable(tmp_path):
     whole = tmp_path / "whole.nc"
     run(scene, whole, events=60, encounter=synthetic.aggregation_and_breakup)
     assert identical(path, whole)
-
-
-THREADS = """
-import gc, sys, threading
-sys.path[:0] = {paths!r}
-import synthetic
-import xarray as xr
-from mcdem.simulate import run
-
-stop = threading.Event()
-
-
-def read_and_drop():
-    while not stop.wait(0.002):
-        xr.open_dataset({path!r})["time"].values
-        gc.collect()
-
-
-run(synthetic.scene(), {path!r}, events=1, encounter=synthetic.always_miss)
-reader = threading.Thread(target=read_and_drop)
-reader.start()
-for events in range(12):
-    run(synthetic.scene(), {path!r}, events=events, resume=True, encounter=synthetic.always_miss)
-stop.set()
-reader.join()
-"""
-
-
-def test_datasets_of_xarray_may_come_and_go_in_other_threads(tmp_path):
-    script = THREADS.format(paths=[str(Path(__file__).parent), *sys.path], path=str(tmp_path / "run.nc"))
-    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
-    assert told.returncode == 0, told.stderr
