@@ -1,0 +1,83 @@
+"""The slow twin of an encounter of two primaries: exact two-sphere mobilities, integrated by a library to tight tolerance.
+
+Batchelor & Green 1972: two free spheres of radius 1 at r = r2 - r1 in a linear flow, gap xi = r - 2, central force F > 0
+driving them apart (units a, 1/g, 6 pi mu a^2 g),
+
+    dr/dt = omega x r + E.r - [A nn + B (1 - nn)].E.r + G F n,     G = 2/(XA11 - XA12)
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+from mcdem.hydrodynamics import pair_tensors, two_sphere
+
+NEAREST, FURTHEST = 1e-7, 60.0
+
+
+@cache
+def mobility_functions():
+    """Splines in ln xi of (1 - A)(1 + xi)/xi, B and G (1 + xi)/xi: smooth from contact to infinity."""
+    gaps = np.concatenate([np.geomspace(NEAREST, 1.0, 240), np.geomspace(1.0, FURTHEST, 120)[1:]])
+    exact = two_sphere.exact(gaps)
+    values = np.empty((len(gaps), 3))
+    for k, gap in enumerate(gaps):
+        resistance = pair_tensors.assemble([0, 0, 1.0], {name: value[k] for name, value in exact.items()})
+        for column, (component, axis) in enumerate(
+            [(1, 2), (3, 0)]
+        ):  # uniaxial about z; in the plane of x and z
+            strain = np.zeros(10)
+            strain[[component, 5 + component]] = 1.0
+            motion = np.linalg.solve(resistance[:12, :12], resistance[:12, 12:] @ strain)
+            ambient = (2.0 + gap) * pair_tensors.STRAIN_BASIS[component][axis, 2]
+            values[k, column] = -(motion[3 + axis] - motion[axis]) / ambient
+    bounded = (1.0 + gaps) / gaps
+    columns = [
+        (1.0 - values[:, 0]) * bounded,
+        values[:, 1],
+        2.0 / (exact["XA11"] - exact["XA12"]) * bounded,
+    ]
+    return CubicSpline(np.log(gaps), np.column_stack(columns))
+
+
+def relative_velocity(r, force):
+    distance = np.sqrt(r @ r)
+    gap = max(distance - 2.0, NEAREST)
+    one_minus_a, b, g = mobility_functions()(np.log(gap))
+    squeeze = gap / (1.0 + gap)
+    n = r / distance
+    strained = 0.5 * np.array([0.0, r[2], r[1]])
+    along = n @ strained
+    return (
+        np.array([0.0, -0.5 * r[2], 0.5 * r[1]])
+        + (one_minus_a * squeeze * along + g * squeeze * force(gap)) * n
+        + (1.0 - b) * (strained - along * n)
+    )
+
+
+def trajectory(x0, y0, z0=-10.0, leave=10.0, duration=400.0, force=lambda gap: 0.0):
+    """The solution of `solve_ivp`, ended at z = `leave` or when the spheres meet (`.met`)."""
+
+    def meet(_, r):
+        return r @ r - (2.0 + 10 * NEAREST) ** 2
+
+    def pass_by(_, r):
+        return r[2] - leave
+
+    meet.terminal = pass_by.terminal = True
+    solution = solve_ivp(
+        lambda _, r: relative_velocity(r, force),
+        (0.0, duration),
+        np.array([x0, y0, z0]),
+        method="DOP853",
+        rtol=1e-9,
+        atol=1e-11,
+        events=[meet, pass_by],
+        dense_output=True,
+    )
+    solution.met = len(solution.t_events[0]) > 0
+    return solution
