@@ -11,7 +11,19 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from mcdem.commands import check, describe, efficiency, encounter, figures, kernels, plot, report, run, view
+from mcdem.commands import (
+    check,
+    describe,
+    efficiency,
+    encounter,
+    figures,
+    kernels,
+    plot,
+    report,
+    run,
+    sweep,
+    view,
+)
 from mcdem.errors import UserError
 
 
@@ -38,7 +50,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for module in (run, plot, figures, report, encounter, view, efficiency, kernels, check, describe):
+for module in (run, sweep, plot, figures, report, encounter, view, efficiency, kernels, check, describe):
     app.command()(getattr(module, module.__name__.rpartition(".")[2]))
 
 

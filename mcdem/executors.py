@@ -47,17 +47,22 @@ class Here(Executor):
 
 
 @contextlib.contextmanager
-def opened(kind: str = "process", workers: int | None = None, scheduler: str | None = None) -> Iterator[Crew]:
+def opened(
+    kind: str = "process", workers: int | None = None, scheduler: str | None = None, apart: bool = False
+) -> Iterator[Crew]:
     """The workers that the command line names.
 
     kind : "process" for this machine (one worker computes in this very process), "mpi" for the ranks of `mpiexec -n N mcdem ...`,
         "dask" for the cluster of the scheduler at `scheduler`
     workers : how many; None for all that there are
+    apart : even a single worker is another process than this
     """
     with contextlib.ExitStack() as stack:
         if kind == "process":
             workers = workers or os.cpu_count() or 1
-            yield Crew(stack.enter_context(local_processes(workers)) if workers > 1 else Here(), workers)
+            yield Crew(
+                stack.enter_context(local_processes(workers)) if workers > 1 or apart else Here(), workers
+            )
         elif kind == "mpi":
             crew = stack.enter_context(_mpi())
             yield Crew(crew.executor, workers or crew.workers)

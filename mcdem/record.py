@@ -441,6 +441,17 @@ class Record:
         return record, time, population, state
 
 
+def reached(path: Path, scene: Scene, seed: int) -> tuple[float, int]:
+    """Process time [s] and encounters of a dataset; raises `DataFileError` if it is not of this scene and seed."""
+    with opened(path) as (file,):
+        _refuse_another_scene(path, str(file.scene), scene)
+        if file.seed != seed:
+            raise DataFileError(
+                f"{path}: was begun with seed {file.seed}, expected {seed}; choose another file"
+            )
+        return float(file["snapshots/time"][-1]), len(file["events"].dimensions["event"])
+
+
 def _refuse_another_scene(path: Path, text: str, scene: Scene) -> None:
     """Raise `DataFileError` if the dataset's scene differs in anything but when to stop."""
     theirs, ours = (
@@ -558,6 +569,17 @@ def replacing(path: Path) -> Iterator[netCDF4.Dataset]:
             f"{path}: cannot be written ({problem}; {free:.0f} MiB free on its disk){stays}: "
             "free some space or lift the quota, then continue with --resume"
         ) from problem
+
+
+def write_text(path: Path, text: str) -> None:
+    """Replace the file at `path` in one step."""
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        beside.write_text(text)
+        _to_disk(beside)
+        beside.replace(path)
+    except OSError as problem:
+        raise DataFileError(f"{path}: cannot be written ({problem.strerror})") from problem
 
 
 def _to_disk(path: Path) -> None:

@@ -160,3 +160,12 @@ def deadly(scene: Scene, first: Aggregate, second: Aggregate, seed: np.random.Ge
     if first.size + second.size > 2:
         os._exit(9)
     return merged(first, second, scene.suspension.radius)
+
+
+def deadly_in_one(
+    scene: Scene, first: Aggregate, second: Aggregate, seed: np.random.Generator
+) -> EncounterResult:
+    """Takes its worker with it at one viscosity and in the streams of one replica."""
+    if scene.flow.viscosity < 0.09 and seed.bit_generator.state["state"]["key"][0] % 5 == 0:
+        os._exit(9)
+    return aggregation_and_breakup(scene, first, second, seed)

@@ -1,0 +1,24 @@
+"""A sweep of synthetic encounters in a process of its own, to be interrupted."""
+
+from __future__ import annotations
+
+import sys
+
+import synthetic
+
+from mcdem import executors
+from mcdem.sweep import sweep
+
+if __name__ == "__main__":
+    folder, workers, encounter = sys.argv[1:]
+    with executors.opened("process", int(workers), apart=True) as crew:
+        found = sweep(
+            synthetic.scene(**synthetic.SMALL),
+            folder,
+            {"flow.viscosity": ["75 mPa s", "100 mPa s"]},
+            replicas=2,
+            events=400,
+            executor=crew.executor,
+            encounter=getattr(synthetic, encounter),
+        )
+    print(*[member.state for member in found])
