@@ -310,3 +310,171 @@ def jacobian_transposed(n, geometry, encounters, first_order, restructuring, ave
                 transposed[i, other] += moved
         transposed[i, cells:] += number[cells:]
     return transposed
+
+
+class Lookup(NamedTuple):
+    """What a finite population needs to know of a closure.
+
+    cell (largest + 1, shapes + 1): cell of a size and shape (last column: the one of sizes with one shape)
+    moments (3, K): of R; outcome (K, K, 2): probability to survive, to survive or join
+    pair_size (largest + 1,): size index; near_*: scattered encounters of each pair of sizes, cumulative weights
+    event_*: products of each scattered encounter; joined (groups, K), scattered (K,), kept (G, K, shapes): cumulative
+    shapes; group_of_cell (K,) of partners
+    """
+
+    cell: np.ndarray
+    moments: np.ndarray
+    outcome: np.ndarray
+    size_index: np.ndarray
+    near_start: np.ndarray
+    near_event: np.ndarray
+    near_weight: np.ndarray
+    event_start: np.ndarray
+    event_size: np.ndarray
+    joined: np.ndarray
+    scattered: np.ndarray
+    kept: np.ndarray
+    group_of_cell: np.ndarray
+    shape_of_cell: np.ndarray
+    first_cell: np.ndarray
+    rate: float
+
+
+@njit(cache=True)
+def _pick(cumulative, rng):
+    """Index drawn from cumulative probabilities that end at one."""
+    return min(np.searchsorted(cumulative, rng.random(), side="right"), cumulative.size - 1)
+
+
+@njit(cache=True)
+def _cell_of(lookup, size, shape):
+    """Cell of an aggregate; sizes beyond the table of sizes count as the largest."""
+    at = min(size, lookup.cell.shape[0] - 1)
+    return lookup.cell[at, shape]
+
+
+@njit(cache=True)
+def _shaped(lookup, rows, size, rng):
+    """A shape for a product of this size, from rows (K,) that hold each cell's cumulative share of its size."""
+    shapes = lookup.cell.shape[1] - 1
+    first = _cell_of(lookup, size, 0)
+    if shapes == 1 or lookup.shape_of_cell[first] < 0:
+        return shapes
+    return _pick(rows[first : first + shapes], rng)
+
+
+@njit(cache=True)
+def finite_population(
+    lookup, sizes, shapes, number, volume, keep, times, rng, series, histogram, from_sample
+):
+    """Event-driven Monte Carlo on a closure: the balance's own rates in a finite, doubling population.
+
+    sizes, shapes (capacity,) the population, `number` of them; doubled when fewer than `keep` are left
+    series (times, 4) receives number, volume, sum of P, sum of P^2; histogram (largest + 1,) counts sizes over the samples
+    from `from_sample` on.  Returns the number of encounters.
+    """
+    m = lookup.moments
+    time, sample, met = 0.0, 0, 0
+    pieces = np.empty(512, np.int64)
+    while sample < times.size:
+        largest = 0.0
+        for k in range(number):
+            c = _cell_of(lookup, sizes[k], shapes[k])
+            largest = max(largest, m[2, c])
+        bound = lookup.rate * 8.0 * largest
+        total = 0.5 * number * (number - 1) * bound / volume
+        while True:
+            time += rng.standard_exponential() / total
+            while sample < times.size and times[sample] < time:
+                series[sample, 0], series[sample, 1] = number, volume
+                for k in range(number):
+                    series[sample, 2] += sizes[k]
+                    series[sample, 3] += sizes[k] ** 2
+                    if sample >= from_sample:
+                        histogram[min(sizes[k], histogram.size - 1)] += 1
+                sample += 1
+            if sample == times.size:
+                return met
+            i = rng.integers(0, number)
+            j = rng.integers(0, number - 1)
+            j += j >= i
+            a, b = _cell_of(lookup, sizes[i], shapes[i]), _cell_of(lookup, sizes[j], shapes[j])
+            cube = m[2, a] + 3 * m[1, a] * m[0, b] + 3 * m[0, a] * m[1, b] + m[2, b]
+            if rng.random() * bound < lookup.rate * cube:
+                break
+        met += 1
+        draw = rng.random()
+        if draw < lookup.outcome[a, b, 0]:
+            for one, c, d in ((i, a, b), (j, b, a)):
+                if lookup.shape_of_cell[c] >= 0:
+                    shapes[one] = _pick(lookup.kept[lookup.group_of_cell[d], c], rng)
+            continue
+        joint = sizes[i] + sizes[j]
+        count = 0
+        if draw < lookup.outcome[a, b, 1]:
+            larger = a if sizes[i] > sizes[j] else b
+            if sizes[i] == sizes[j] and lookup.shape_of_cell[a] > lookup.shape_of_cell[b]:
+                larger = a
+            group = min(lookup.shape_of_cell[larger] + 1, lookup.joined.shape[0] - 1)
+            sizes[i], shapes[i] = joint, _shaped(lookup, lookup.joined[group], joint, rng)
+        else:
+            top = lookup.size_index.size - 1
+            p, q = lookup.size_index[min(sizes[i], top)], lookup.size_index[min(sizes[j], top)]
+            pair = max(p, q) * (max(p, q) + 1) // 2 + min(p, q)
+            low, high = lookup.near_start[pair], lookup.near_start[pair + 1]
+            event = lookup.near_event[low + _pick(lookup.near_weight[low:high], rng)]
+            count = _scaled(
+                lookup.event_size[lookup.event_start[event] : lookup.event_start[event + 1]], joint, pieces
+            )
+            sizes[i], shapes[i] = pieces[0], _shaped(lookup, lookup.scattered, pieces[0], rng)
+            for k in range(2, count):
+                sizes[number], shapes[number] = pieces[k], _shaped(lookup, lookup.scattered, pieces[k], rng)
+                number += 1
+        if count > 1:
+            sizes[j], shapes[j] = pieces[1], _shaped(lookup, lookup.scattered, pieces[1], rng)
+        else:
+            number -= 1
+            sizes[j], shapes[j] = sizes[number], shapes[number]
+        if number < keep:
+            sizes[number : 2 * number], shapes[number : 2 * number] = sizes[:number], shapes[:number]
+            number *= 2
+            volume *= 2.0
+    return met
+
+
+@njit(cache=True)
+def _scaled(fragments, joint, out):
+    """Fragments of a similar encounter made whole primaries of `joint` in all: monomers and dimers stay, the rest is scaled.
+
+    Returns how many there are.
+    """
+    light, heavy = 0, 0
+    for f in fragments:
+        if f <= 2:
+            light += f
+        else:
+            heavy += f
+    room = joint - light
+    if heavy == 0 or room < 3:
+        # No room for more than small ones: cut off what does not fit, or let a large one hold the rest.
+        left, count = joint, 0
+        for f in fragments:
+            if f <= 2 and left > f:
+                out[count] = f
+                count += 1
+                left -= f
+        out[count] = left
+        return count + 1
+    left, count, most = joint, 0, 0
+    for f in fragments:
+        size = f if f <= 2 else max(1, int(f * room / heavy))
+        out[count] = size
+        left -= size
+        if out[count] > out[most]:
+            most = count
+        count += 1
+    out[most] += left
+    if out[most] < 1:
+        out[0] = joint
+        return 1
+    return count

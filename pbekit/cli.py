@@ -1,0 +1,303 @@
+"""The command `pbekit`: balances on tables of encounters.
+
+Exit codes as of mcdem: 0 done, 2 something to mend in what was given, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from pbekit.errors import PBEError
+
+
+class Commands(TyperGroup):
+    """Subcommands that answer a mistake with its message."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the subcommand."""
+        try:
+            return super().invoke(ctx)
+        except PBEError as problem:
+            typer.secho(f"error: {problem}", fg="red", err=True)
+            raise typer.Exit(2) from None
+        except KeyboardInterrupt:
+            typer.secho("interrupted", err=True)
+            raise typer.Exit(130) from None
+
+
+app = typer.Typer(
+    cls=Commands,
+    help="Population balances in size and shape, on tables of encounters that mcdem kernels wrote.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+)
+Table = Annotated[Path, typer.Argument(metavar="KERNELS", help="Table that `mcdem kernels` wrote (NetCDF).")]
+
+
+class _Bar:
+    """A bar on a terminal, elsewhere a line now and then."""
+
+    def __init__(self, name: str) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+        self.console = Console(stderr=True)
+        columns = (
+            TextColumn(name),
+            BarColumn(bar_width=20),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[state]}"),
+        )
+        self.bar = Progress(*columns, console=self.console, disable=not self.console.is_terminal)
+        self.task = self.bar.add_task("", total=1.0, state="")
+        self.said = -1.0
+
+    def __call__(self, state: str, share: float) -> None:
+        self.bar.update(self.task, completed=share, state=state)
+        if not self.console.is_terminal and share >= self.said + 0.25:
+            self.said = share
+            self.console.print(f"{share:4.0%}  {state}", markup=False, highlight=False)
+
+    def __enter__(self) -> _Bar:
+        self.bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.bar.stop()
+
+
+@app.command()
+def solve(
+    kernels: Table,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Dataset to write.")],
+    until: Annotated[float, typer.Option(min=0, help="Time to stop at [s].")] = 300.0,
+    samples: Annotated[int, typer.Option(min=2, help="Times to keep.")] = 201,
+    volume_fraction: Annotated[float | None, typer.Option(help="Instead of the table's.")] = None,
+    draws: Annotated[int, typer.Option(min=0, help="Posterior draws for 90 % bands; 0 for none.")] = 0,
+    mean_shape: Annotated[bool, typer.Option("--mean-shape", help="One mean shape per size.")] = False,
+    smooth: Annotated[bool, typer.Option("--smooth", help="Outcomes by the fitted law alone.")] = False,
+    scheme: Annotated[str, typer.Option(help='"fixed pivot" or "cell average".')] = "fixed pivot",
+    exact_to: Annotated[int, typer.Option(min=2, help="Largest size with a class of its own.")] = 32,
+    largest: Annotated[
+        int | None, typer.Option(help="Largest size; twice the largest seen by default.")
+    ] = None,
+    method: Annotated[str, typer.Option(help="Integrator of scipy: LSODA, BDF, Radau, RK45 ...")] = "LSODA",
+    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE if it exists.")] = False,
+) -> None:
+    """Solve the balance on a table over time and at steady state."""
+    import numpy as np
+
+    from pbekit.closures import Closure, grid_for
+    from pbekit.compare import start_of
+    from pbekit.solve import solve as march
+    from pbekit.steady import steady_state
+    from pbekit.tables import KernelTable
+    from pbekit.uncertainty import band, course_output, draws_of, steady_output, steady_summary
+
+    if output.exists() and not overwrite:
+        raise PBEError(f"{output} exists; give another name, or --overwrite to replace it")
+    table = KernelTable.load(kernels)
+    grid = grid_for(table, exact_to, largest, shapes=None if mean_shape else "table")
+    closure = Closure(table, grid, "smooth" if smooth else "table")
+    start = start_of(grid, table, volume_fraction)
+    times = np.linspace(0.0, until, samples)
+    with _Bar("pbekit solve") as bar:
+        bar("integrating", 0.0)
+        balance = closure.balance(scheme=scheme)
+        data = march(
+            balance,
+            start,
+            times,
+            method=method,
+            rtol=1e-6,
+            progress=lambda t: bar("integrating", 0.4 * min(t / until, 1)),
+        )
+        bar("steady state", 0.45)
+        steady = steady_state(balance, start)
+        summary = steady_summary(balance, steady.population)
+        data["steady_number"] = (
+            "cell",
+            steady.population,
+            {"units": "m-3", "long_name": "steady number concentration"},
+        )
+        if draws:
+            settled, course = (
+                steady_output(start, guess=steady.population),
+                course_output(start, times, rtol=1e-5),
+            )
+            drawn = draws_of(
+                closure,
+                lambda b: {"steady_mean_size": settled(b)["mean_size"], **course(b)},
+                draws,
+                seed,
+                lambda k: bar("draws", 0.5 + 0.5 * k / draws),
+            )
+            for name in ("mean_size", "size_deviation", "sauter_diameter"):
+                for end, values in zip(("low", "high"), band(drawn[name].values), strict=True):
+                    data[f"{name}_{end}"] = ("time", values, {"long_name": f"90 % band of {name}"})
+            data.attrs["steady_mean_size_low"], data.attrs["steady_mean_size_high"] = band(
+                drawn.steady_mean_size.values
+            )
+        bar("done", 1.0)
+    data.attrs |= {
+        "kernels": str(kernels),
+        "command": shlex.join(sys.argv),
+        "scene": str(table.about.get("scene", "")),
+        "steady_mean_size": float(summary["mean_size"]),
+        "extrapolated_flux": closure.extrapolated_flux(steady.population),
+        "edge_flux": balance.edge_flux(steady.population),
+        "unresolved": closure.unresolved,
+    }
+    data["number"].attrs["units"] = "m-3"
+    data.to_netcdf(output)
+    line = f"{output}: steady <P> = {summary['mean_size']:.4g}"
+    if draws:
+        line += f" ({data.attrs['steady_mean_size_low']:.4g} ... {data.attrs['steady_mean_size_high']:.4g})"
+    typer.echo(
+        f"{line}, sigma_P/<P> = {summary['relative_deviation']:.3g}, d32 = {1e6 * float(summary['sauter_diameter']):.3g} um; "
+        f"mass drift {float(abs(data.mass_drift).max()):.1e}; "
+        f"{100 * data.attrs['extrapolated_flux']:.2g} % of encounters extrapolated, "
+        f"{100 * data.attrs['edge_flux']:.2g} % of mass flux beyond the grid"
+    )
+
+
+@app.command()
+def compare(
+    kernels: Annotated[list[Path], typer.Argument(metavar="KERNELS...", help="Tables, one per stress.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for figures and numbers.")
+    ],
+    runs: Annotated[
+        list[Path] | None,
+        typer.Option("--run", metavar="RUN", help="Dataset of `mcdem run` of the same scene; one per table."),
+    ] = None,
+    until: Annotated[
+        float | None, typer.Option(help="Time to stop at [s]; the run's end by default.")
+    ] = None,
+    draws: Annotated[int, typer.Option(min=5, help="Posterior draws for the 90 % bands.")] = 60,
+    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
+) -> None:
+    """Balance on tabulated encounters beside the Monte Carlo and beside analytical laws: figures with bands, and numbers."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from pbekit import compare as comparing
+    from pbekit import figures
+    from pbekit.tables import KernelTable
+
+    tables = [KernelTable.load(k) for k in kernels]
+    found = [comparing.MonteCarlo.read(r) for r in runs or []]
+    by_scene = {run.scene: run for run in found}
+    strangers = set(by_scene) - {str(t.about.get("scene")) for t in tables}
+    if strangers:
+        raise PBEError(f"{by_scene[strangers.pop()].path}: none of the tables is of its scene")
+    output.mkdir(parents=True, exist_ok=True)
+    seen: dict[float, tuple[float, float]] = {}
+    for file, table in zip(kernels, tables, strict=True):
+        run = by_scene.get(str(table.about.get("scene")))
+        stress = float(table.about.get("shear_stress", float("nan")))
+        prefix = output / file.name.removesuffix(".nc")
+        with _Bar(f"pbekit compare {file.name}") as bar:
+            result = comparing.compare(table, run, draws, until, seed, bar)
+        figures.draw_table(table, prefix.with_name(prefix.name + "-table"))
+        figures.draw_course(result, prefix.with_name(prefix.name + "-course"))
+        figures.draw_distribution(result, prefix.with_name(prefix.name + "-distribution"))
+        figures.draw_switches(result, prefix.with_name(prefix.name + "-switches"))
+        if "volume_fraction" in table.about:
+            data = comparing.volume_fractions(table, result.numbers["mean_size"])
+            figures.draw_volume_fractions(data, prefix.with_name(prefix.name + "-volume-fractions"))
+        if run is not None:
+            seen[stress] = run.steady["mean_size"]
+        _tell(file, result)
+    if len(tables) > 1:
+        law = comparing.stress_law(tables, draws)
+        figures.draw_stress_law(law, seen, output / "stress")
+        for key in ("mean_size", "breakup_size"):
+            q = [law.attrs[f"q_{key}{end}"] for end in ("", "_low", "_high")]
+            typer.echo(f"{key} ~ stress^-q: q = {q[0]:.2f} ({q[1]:.2f} ... {q[2]:.2f})")
+    typer.echo(f"figures and their numbers in {output}")
+
+
+def _tell(file: Path, result: Any) -> None:
+    n = result.numbers
+    typer.echo(f"{file}")
+    heads = ["", "balance (90 % band)", "Monte Carlo (90 %)", "analytical"]
+    rows: list[list[str]] = [heads]
+    for key, name, unit in (
+        ("mean_size", "steady <P>", 1.0),
+        ("relative_deviation", "sigma_P/<P>", 1.0),
+        ("sauter_diameter", "d32 [um]", 1e6),
+    ):
+        cells = [
+            name,
+            f"{unit * n[key]:.3g} ({unit * n[key + '_low']:.3g} ... {unit * n[key + '_high']:.3g})",
+        ]
+        mean, error = n.get(f"{key}_monte_carlo"), n.get(f"{key}_monte_carlo_error")
+        cells.append(
+            "" if mean is None or error is None else f"{unit * mean:.3g} +- {1.645 * unit * error:.2g}"
+        )
+        cells.append("" if f"{key}_analytical" not in n else f"{unit * n[f'{key}_analytical']:.3g}")
+        rows.append(cells)
+    eta = f"{n['eta_11']:.3g} ({n['eta_11_low']:.3g} ... {n['eta_11_high']:.3g})"
+    rows.append(["eta_11", eta, "", f"{n['eta_11_equation_23']:.3g}" if "eta_11_equation_23" in n else ""])
+    widths = [max(len(row[k]) for row in rows) for k in range(4)]
+    for row in rows:
+        typer.echo("  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip())
+    guessed, lost = 100 * n["extrapolated_flux"], 100 * n["unresolved"]
+    typer.echo(f"  {guessed:.2g} % of encounters extrapolated, {lost:.2g} % unresolved")
+    typer.echo("  steady <P> with one assumption changed:")
+    for name, value in zip(result.switches.switch.values, result.switches.mean_size.values, strict=True):
+        typer.echo(f"    {name:36s} {value:8.3f}")
+
+
+@app.command()
+def show(
+    kernels: Table,
+    largest: Annotated[int, typer.Option(min=1, help="How many pairs of classes to list.")] = 10,
+) -> None:
+    """Tell what a table holds, how sure its balance is, and which pairs of classes make its error."""
+    from pbekit.closures import Closure, grid_for
+    from pbekit.compare import eta_11, start_of
+    from pbekit.steady import steady_state
+    from pbekit.tables import OUTCOMES, KernelTable
+    from pbekit.uncertainty import mean_size_gradient, variance_shares
+
+    table = KernelTable.load(kernels)
+    totals = table.counts.sum(axis=0)
+    seen = ", ".join(f"{n} {o}" for n, o in zip(totals, OUTCOMES, strict=True) if n)
+    typer.echo(f"{kernels}: {len(table.records)} encounters ({seen})")
+    sampled = int((table.counts.sum(axis=1) > 0).sum())
+    typer.echo(
+        f"  {table.classes} classes of size and {table.shape_name}; {sampled} of {table.pairs} pairs sampled"
+    )
+    eta, low, high = eta_11(table)
+    typer.echo(f"  eta_11 = {eta:.3g} ({low:.3g} ... {high:.3g})")
+    closure = Closure(table, grid_for(table))
+    steady = steady_state(closure.mean, start_of(closure.grid, table))
+    shares = variance_shares(closure, steady, mean_size_gradient(closure.mean, steady.population))
+    mean = steady.population @ closure.grid.mass / steady.population.sum()
+    typer.echo(f"  steady <P> = {mean:.4g}, standard error {shares.deviation:.2g}; shares of its variance:")
+    for name, share, trials in shares.largest(largest):
+        typer.echo(f"    {100 * share:5.1f} %  {name} ({trials} trials)")
+    if shares.of_law > 0:
+        typer.echo(
+            f"    {100 * shares.of_law / shares.deviation**2:5.1f} %  the fitted law, where classes lean on it"
+        )
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    app(prog_name="pbekit")
+
+
+if __name__ == "__main__":
+    main()

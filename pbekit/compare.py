@@ -1,0 +1,444 @@
+"""A balance beside what it came from and beside analytical laws.
+
+Three accounts of one suspension: the balance on tabulated encounters, the Monte Carlo that the encounters came from, and a
+balance of analytical laws (van de Ven & Mason's efficiency with power-law breakup).  Where the first two differ, switches
+tell why: each changes one assumption of the balance and leaves the rest.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from scipy import optimize, stats
+
+from pbekit.balance import PopulationBalance
+from pbekit.breakage import PowerLawRate, TwoPeak
+from pbekit.closures import Closure, grid_for
+from pbekit.efficiencies import attraction_number
+from pbekit.encounters import Aggregation, Breakage, Event
+from pbekit.errors import PBEError
+from pbekit.finite import population_course
+from pbekit.grid import Grid
+from pbekit.steady import SteadyState, steady_state
+from pbekit.tables import AGGREGATION, UNRESOLVED, KernelTable, size_classes
+from pbekit.uncertainty import LEVEL, band, course_output, draws_of, steady_output, steady_summary
+
+STEADY_SHARE = 0.4
+"""The last part of a run that counts as its steady state."""
+BLOCKS = 8
+"""A steady stretch is cut into so many blocks; the spread of their means is the error of its mean."""
+
+
+@dataclass(frozen=True)
+class MonteCarlo:
+    """What a dataset of `mcdem run` says of sizes.
+
+    time (t,) [s]; mean_size, size_deviation, sauter_diameter (t,); steady: mean and standard error of each over the last
+    part; share (sizes + 1,) number share of each size in the snapshots of that part, share_error its standard error
+    """
+
+    path: Path
+    scene: str
+    time: np.ndarray
+    mean_size: np.ndarray
+    size_deviation: np.ndarray
+    sauter_diameter: np.ndarray
+    steady: dict[str, tuple[float, float]]
+    share: np.ndarray
+    share_error: np.ndarray
+    initial: int
+
+    @classmethod
+    def read(cls, path: Path | str) -> MonteCarlo:
+        """Read a run's series and snapshots."""
+        try:
+            with (
+                xr.open_dataset(path, decode_times=False) as root,
+                xr.open_dataset(path, group="snapshots", decode_times=False) as snapshots,
+            ):
+                root.load()
+                snapshots.load()
+        except (OSError, ValueError, KeyError) as problem:
+            raise PBEError(f"{path}: no dataset of mcdem run ({str(problem).splitlines()[0]})") from None
+        time = root.time.values
+        late = time >= (1 - STEADY_SHARE) * time[-1]
+        values = {
+            "mean_size": root.mean_size.values,
+            "relative_deviation": root.size_deviation.values / root.mean_size.values,
+            "sauter_diameter": root.sauter_diameter.values,
+        }
+        steady = {name: _blocks(time[late], v[late]) for name, v in values.items()}
+        numbers = snapshots.number_of_aggregates.values
+        of_aggregate = np.repeat(np.arange(len(numbers)), numbers)
+        chosen = snapshots.time.values[of_aggregate] >= (1 - STEADY_SHARE) * time[-1]
+        size, snapshot = snapshots["size"].values[chosen], of_aggregate[chosen]
+        used = np.unique(snapshot)
+        each = np.stack(
+            [np.bincount(size[snapshot == s], minlength=size.max() + 1) / (snapshot == s).sum() for s in used]
+        )
+        share = each.mean(axis=0)
+        # Snapshots share aggregates; their number is no more than that of independent ones.
+        error = (
+            each.std(axis=0, ddof=1) / np.sqrt(len(used)) if len(used) > 1 else np.full(share.shape, np.nan)
+        )
+        return cls(
+            Path(path),
+            str(root.attrs.get("scene", "")),
+            time,
+            root.mean_size.values,
+            root.size_deviation.values,
+            root.sauter_diameter.values,
+            steady,
+            share,
+            error,
+            int(root.number_of_aggregates.values[0]),
+        )
+
+    def at(self, name: str, times: np.ndarray) -> np.ndarray:
+        """A series at given times: the last value before."""
+        row = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, len(self.time) - 1)
+        return np.asarray(getattr(self, name))[row]
+
+
+def _blocks(time, values) -> tuple[float, float]:
+    """Time average over a stretch and its standard error from blocks."""
+    edges = np.linspace(time[0], time[-1], BLOCKS + 1)
+    means = []
+    for low, high in itertools.pairwise(edges):
+        inside = np.flatnonzero((time >= low) & (time <= high))
+        if inside.size > 1 and time[inside[-1]] > time[inside[0]]:
+            means.append(np.trapezoid(values[inside], time[inside]) / (time[inside[-1]] - time[inside[0]]))
+    if not means:
+        return float(values[-1]), np.nan
+    return float(np.mean(means)), float(np.std(means, ddof=1) / np.sqrt(len(means))) if len(
+        means
+    ) > 1 else np.nan
+
+
+# -- the balance on a table ---------------------------------------------------------------------------------------------
+
+
+def start_of(grid: Grid, table: KernelTable, volume_fraction: float | None = None) -> np.ndarray:
+    """(K,) free primaries at the volume fraction of the table's scene [1/m^3]."""
+    phi = table.about.get("volume_fraction") if volume_fraction is None else volume_fraction
+    if phi is None:
+        raise PBEError("the table does not say its volume fraction; give one")
+    return grid.monodisperse(float(phi) / (4 / 3 * np.pi * table.radius**3))
+
+
+def eta_11(table: KernelTable) -> tuple[float, float, float]:
+    """Efficiency of two primaries: share that aggregated, and its 90 % interval (Jeffreys)."""
+    r = table.records
+    pair = (r.size == 1).all(axis=1) & (r.outcome != UNRESOLVED)
+    n, k = int(pair.sum()), int((r.outcome[pair] == AGGREGATION).sum())
+    tail = 0.5 * (1 - LEVEL)
+    posterior = stats.beta(k + 0.5, n - k + 0.5)
+    return (k / n if n else np.nan), float(posterior.ppf(tail)), float(posterior.ppf(1 - tail))
+
+
+def van_de_ven_mason_of(table: KernelTable, prefactor: float = 0.95) -> float:
+    """Eq. 23 for the table's scene; no warning here, the comparison is the point."""
+    about = table.about
+    if "hamaker_constant" not in about or "viscosity" not in about:
+        raise PBEError("the table does not say hamaker_constant and viscosity, which Eq. 23 needs")
+    attraction = attraction_number(
+        float(about["hamaker_constant"]), float(about["viscosity"]), table.shear_rate, table.radius
+    )
+    return prefactor * attraction**0.18
+
+
+@dataclass(frozen=True)
+class AnalyticalBalance:
+    """Encounters of Eq. 1 with one efficiency, and first-order breakup S = c (P - 1)^power into two pieces.
+
+    efficiency : Eq. 23; radii : as tabulated; c : the one fitted number
+    """
+
+    grid: Grid
+    encounter_rate: np.ndarray
+    efficiency: float
+    power: float
+    rate: float
+
+    def balance(self) -> PopulationBalance:
+        events: list[Event] = [
+            Aggregation(self.efficiency * self.encounter_rate),
+            Breakage(PowerLawRate(self.rate, self.power, offset=1), TwoPeak(0.35, 20.0)),
+        ]
+        return PopulationBalance(self.grid, events, edge="closed")
+
+    @classmethod
+    def fitted(cls, table: KernelTable, mean_size: float, power: float = 2.0) -> AnalyticalBalance:
+        """c such that the steady <P> is `mean_size`; everything else is given."""
+        closure = Closure(table, grid_for(table, shapes=None))
+        weight = closure.weights(None)
+        grid = closure.grid.with_outer_radius(closure.radius_moments(weight)[0])
+        rate = closure.encounter_rate(weight)
+        efficiency = van_de_ven_mason_of(table)
+        start = start_of(grid, table)
+
+        def off(log_c):
+            trial = cls(grid, rate, efficiency, power, float(np.exp(log_c)))
+            n = steady_state(trial.balance(), start).population
+            return n @ grid.mass / n.sum() - mean_size
+
+        # Where an aggregate of the wanted size meets a partner about as often as it breaks; then out to both sides.
+        low = high = float(np.log(efficiency * rate[0, 0] * start.sum() / mean_size**power))
+        while off(low) < 0:
+            low -= 1.5
+        while off(high) > 0:
+            high += 1.5
+        c = optimize.brentq(off, low, high, xtol=1e-3)
+        return cls(grid, rate, efficiency, power, float(np.exp(c)))
+
+
+# -- switches -------------------------------------------------------------------------------------------------------------
+
+
+def switches(table: KernelTable) -> Iterator[tuple[str, Callable[[], Closure], str]]:
+    """(name, closure, scheme): one assumption of the balance changed in each."""
+
+    def reclassed(ratio):
+        edges = size_classes(int(table.records.size.max()), ratio)
+        finer = KernelTable(
+            table.records,
+            edges,
+            table.shape_edges,
+            table.radius,
+            table.shear_rate,
+            table.shape_name,
+            table.about,
+        )
+        return Closure(finer, grid_for(finer))
+
+    yield "as tabulated", lambda: Closure(table, grid_for(table)), "fixed pivot"
+    if table.shape_edges is not None:
+        yield (
+            "products forget the parents' shape",
+            lambda: Closure(table, grid_for(table), memory=False),
+            "fixed pivot",
+        )
+        yield "one mean shape per size", lambda: Closure(table, grid_for(table, shapes=None)), "fixed pivot"
+    yield "outcomes by the fitted law alone", lambda: Closure(table, grid_for(table), "smooth"), "fixed pivot"
+    yield "size classes half as wide", lambda: reclassed(1.16), "fixed pivot"
+    yield "size classes twice as wide", lambda: reclassed(1.8), "fixed pivot"
+    yield "exact sizes to 48", lambda: Closure(table, grid_for(table, exact_to=48)), "fixed pivot"
+    yield "cell average", lambda: Closure(table, grid_for(table)), "cell average"
+    designed = table.records.source == 1
+    if designed.any() and not designed.all():
+        only = table.with_records(table.records.select(~designed))
+        yield "the run's encounters alone", lambda: Closure(only, grid_for(only)), "fixed pivot"
+
+
+def switch_table(table: KernelTable, initial: int, duration: float, replicas: int = 8) -> xr.Dataset:
+    """Steady <P>, relative deviation and d32 with each switch, and in a finite population of the run's size."""
+    names, rows = [], []
+    for name, make, scheme in switches(table):
+        closure = make()
+        balance = closure.balance(scheme=scheme)
+        steady = steady_state(balance, start_of(closure.grid, table))
+        found = steady_summary(balance, steady.population)
+        names.append(name)
+        rows.append([float(found[key]) for key in ("mean_size", "relative_deviation", "sauter_diameter")])
+    closure = Closure(table, grid_for(table))
+    times = np.linspace(0, duration, 101)
+    finite = population_course(
+        closure, float(table.about["volume_fraction"]), times, initial=initial, replicas=replicas
+    )
+    late = finite.isel(time=slice(60, None))
+    names.append(f"a finite population of {initial}")
+    deviation = (late.size_deviation / late.mean_size).mean()
+    rows.append([float(late.mean_size.mean()), float(deviation), np.nan])
+    columns = ("mean_size", "relative_deviation", "sauter_diameter")
+    return xr.Dataset(
+        {c: ("switch", [row[k] for row in rows]) for k, c in enumerate(columns)}, {"switch": names}
+    )
+
+
+# -- comparison ------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The three accounts at one stress: `course` over time, `distribution` at steady state, `numbers`, `switches`."""
+
+    course: xr.Dataset
+    distribution: xr.Dataset
+    numbers: dict[str, float]
+    switches: xr.Dataset
+    table: KernelTable
+    run: MonteCarlo | None
+    steady: SteadyState
+
+
+def compare(
+    table: KernelTable,
+    run: MonteCarlo | None,
+    draws: int = 60,
+    until: float | None = None,
+    seed: int = 0,
+    progress: Callable[[str, float], None] | None = None,
+) -> Comparison:
+    """Balance with bands, Monte Carlo and analytical balance of one suspension.
+
+    until : [s], the run's end by default
+    """
+    tell = progress or (lambda what, share: None)
+    if run is not None and run.scene and table.about.get("scene") not in (None, run.scene):
+        raise PBEError(f"{run.path}: is of another scene than the table")
+    if until is None:
+        if run is None:
+            raise PBEError("compare: without a run, say until when")
+        until = float(run.time[-1])
+    times = np.linspace(0.0, until, 121)
+    closure = Closure(table, grid_for(table))
+    start = start_of(closure.grid, table)
+    tell("steady state", 0.05)
+    steady = steady_state(closure.mean, start)
+    mean = steady_summary(closure.mean, steady.population)
+    both_course = course_output(start, times, rtol=1e-5)
+    both_steady = steady_output(start, guess=steady.population)
+
+    def output(balance):
+        return {f"course_{k}": v for k, v in both_course(balance).items()} | dict(both_steady(balance))
+
+    centre = output(closure.mean)
+    drawn = draws_of(closure, output, draws, seed, lambda k: tell("draws", 0.05 + 0.6 * k / draws))
+    target = run.steady["mean_size"][0] if run is not None else float(mean["mean_size"])
+    tell("analytical laws", 0.7)
+    data: dict[str, tuple] = {}
+    for key, unit in (("mean_size", "1"), ("size_deviation", "1"), ("sauter_diameter", "m")):
+        low, high = band(drawn[f"course_{key}"].values)
+        data |= {
+            key: ("time", centre[f"course_{key}"], {"units": unit}),
+            f"{key}_low": ("time", low, {"units": unit}),
+            f"{key}_high": ("time", high, {"units": unit}),
+        }
+        if run is not None:
+            data[f"{key}_monte_carlo"] = ("time", run.at(key, times), {"units": unit})
+    numbers: dict[str, float] = {}
+    for key in ("mean_size", "relative_deviation", "sauter_diameter"):
+        low, high = band(drawn[key].values)
+        numbers |= {key: float(mean[key]), f"{key}_low": float(low), f"{key}_high": float(high)}
+        if run is not None:
+            numbers[f"{key}_monte_carlo"], numbers[f"{key}_monte_carlo_error"] = run.steady[key]
+    numbers["eta_11"], numbers["eta_11_low"], numbers["eta_11_high"] = eta_11(table)
+    numbers["extrapolated_flux"] = closure.extrapolated_flux(steady.population)
+    numbers["unresolved"] = closure.unresolved
+    numbers["edge_flux"] = closure.mean.edge_flux(steady.population)
+
+    grid = closure.grid
+    share_low, share_high = band(drawn["share"].values)
+    width = np.diff(grid.edges)
+    shares = {
+        "density": ("size", np.asarray(mean["share"]) / width),
+        "density_low": ("size", share_low / width),
+        "density_high": ("size", share_high / width),
+    }
+    if "hamaker_constant" in table.about:
+        analytical = AnalyticalBalance.fitted(table, target)
+        laws = analytical.balance()
+        law_start = start_of(analytical.grid, table)
+        for key, values in course_output(law_start, times, rtol=1e-5)(laws).items():
+            data[f"{key}_analytical"] = ("time", values)
+        law_mean = steady_summary(laws, steady_state(laws, law_start).population)
+        shares["density_analytical"] = ("size", np.asarray(law_mean["share"]) / width)
+        numbers |= {
+            "eta_11_equation_23": analytical.efficiency,
+            "mean_size_analytical": float(law_mean["mean_size"]),
+            "relative_deviation_analytical": float(law_mean["relative_deviation"]),
+            "sauter_diameter_analytical": float(law_mean["sauter_diameter"]),
+            "breakup_rate_analytical": analytical.rate,
+        }
+    distribution = xr.Dataset(shares, {"size": grid.pivots})
+    if run is not None:
+        edges = np.round(grid.edges + 0.5).astype(int)
+        counted = np.append(run.share, np.zeros(max(0, edges[-1] + 1 - run.share.size)))
+        error = np.append(np.nan_to_num(run.share_error), np.zeros(max(0, edges[-1] + 1 - run.share.size)))
+        cells = np.array([counted[a:b].sum() for a, b in itertools.pairwise(edges)])
+        spread = np.array([np.sqrt((error[a:b] ** 2).sum()) for a, b in itertools.pairwise(edges)])
+        distribution["density_monte_carlo"] = ("size", cells / width)
+        distribution["density_monte_carlo_error"] = ("size", spread / width)
+    tell("switches", 0.8)
+    switched = switch_table(table, run.initial if run is not None else 200, until)
+    tell("done", 1.0)
+    return Comparison(
+        xr.Dataset(data, {"time": ("time", times, {"units": "s"})}),
+        distribution,
+        numbers,
+        switched,
+        table,
+        run,
+        steady,
+    )
+
+
+def volume_fractions(table: KernelTable, mean_size: float, factors=(0.25, 0.5, 1.0, 2.0, 4.0)) -> xr.Dataset:
+    """Steady <P> against volume fraction: tabulated (breakup on encounter) and analytical (first order)."""
+    closure = Closure(table, grid_for(table))
+    phi = float(table.about["volume_fraction"]) * np.asarray(factors)
+    tabulated, first_order, laws, law_grid = [], [], None, closure.grid
+    if "hamaker_constant" in table.about:
+        analytical = AnalyticalBalance.fitted(table, mean_size)
+        laws, law_grid = analytical.balance(), analytical.grid
+    for value in phi:
+        n = steady_state(closure.mean, start_of(closure.grid, table, value)).population
+        tabulated.append(n @ closure.grid.mass / n.sum())
+        if laws is not None:
+            n = steady_state(laws, start_of(law_grid, table, value)).population
+            first_order.append(n @ law_grid.mass / n.sum())
+    data = {"tabulated": ("volume_fraction", tabulated)}
+    if first_order:
+        data["analytical"] = ("volume_fraction", first_order)
+    return xr.Dataset(data, {"volume_fraction": phi})
+
+
+def breakup_size(closure: Closure, rng: np.random.Generator | None = None) -> float:
+    """P_br: joint size at which half of the encounters that join or scatter scatter, among encounters with equal partners.
+
+    By the fitted law, so that it is defined for any table.
+    """
+    law = closure.law if rng is None else closure.law.drawn(rng)
+    size = np.geomspace(1.5, 2000, 400)
+    records, table = closure.records, closure.table
+    seen = np.log(records.shape(table.shape_name, table.radius)[records.size > 2])
+    typical = np.exp(np.nanmean(seen)) if closure.grid.shapes > 1 else np.nan
+    shape = np.where(size > 2, typical, np.nan)
+    p = law(law.features(size, size, shape, shape))
+    share = p[:, 2] / (p[:, 1] + p[:, 2])
+    above = np.flatnonzero(share > 0.5)
+    return float(2 * size[above[0]]) if above.size else np.nan
+
+
+def stress_law(tables: list[KernelTable], draws: int = 60) -> xr.Dataset:
+    """Steady <P> and breakup size against stress with bands, and the exponents q of both, <P> ~ stress^-q."""
+    stress = np.array([float(t.about["viscosity"]) * t.shear_rate for t in tables])
+    order = np.argsort(stress)
+    size, broken = [], []
+    for k in order:
+        closure = Closure(tables[k], grid_for(tables[k]))
+        start = start_of(closure.grid, tables[k])
+        steady = steady_state(closure.mean, start)
+        drawn = draws_of(closure, steady_output(start, guess=steady.population), draws)
+        mean = float(steady_summary(closure.mean, steady.population)["mean_size"])
+        size.append(np.append(mean, drawn.mean_size.values))
+        rng = np.random.default_rng(int(k))
+        broken.append([breakup_size(closure)] + [breakup_size(closure, rng) for _ in range(draws)])
+    found = xr.Dataset(coords={"stress": ("stress", stress[order], {"units": "Pa"})})
+    for name, values in (("mean_size", np.array(size)), ("breakup_size", np.array(broken))):
+        low, high = np.nanquantile(values[:, 1:], [0.05, 0.95], axis=1)
+        bands = {name: values[:, 0], f"{name}_low": low, f"{name}_high": high}
+        found = found.assign({n: ("stress", v) for n, v in bands.items()})
+        if len(tables) > 1:
+            q = -np.polyfit(np.log(stress[order]), np.log(values), 1)[0]
+            found.attrs |= {
+                f"q_{name}": q[0],
+                f"q_{name}_low": np.quantile(q[1:], 0.05),
+                f"q_{name}_high": np.quantile(q[1:], 0.95),
+            }
+    return found

@@ -1,0 +1,237 @@
+"""Figures of balances, each from a dataset that is saved beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+from matplotlib.ticker import NullLocator, ScalarFormatter
+
+from pbekit.compare import Comparison
+from pbekit.tables import AGGREGATION, SCATTERED, KernelTable
+
+# Okabe & Ito's palette, told apart by colour-blind readers.
+BLUE, VERMILION, GREEN, ORANGE, BLACK = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#000000"
+STYLE = {
+    "font.size": 9,
+    "axes.labelsize": 9,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "figure.constrained_layout.use": True,
+    "lines.linewidth": 1.3,
+    "savefig.dpi": 200,
+}
+TABULATED, MONTE_CARLO, ANALYTICAL = (
+    "balance on tabulated encounters",
+    "Monte Carlo",
+    "van de Ven-Mason, power-law breakup",
+)
+
+
+def save(figure, data: xr.Dataset, path: Path) -> Path:
+    """The figure as PNG and its numbers as NetCDF of the same name."""
+    figure.savefig(path.with_suffix(".png"))
+    plt.close(figure)
+    data.to_netcdf(path.with_suffix(".nc"))
+    return path.with_suffix(".png")
+
+
+def draw_course(found: Comparison, path: Path) -> Path:
+    """<P>, sigma_P and d32 over time, three accounts."""
+    course = found.course
+    rows = (
+        ("mean_size", r"mean size $\langle P\rangle$", 1.0),
+        ("size_deviation", r"standard deviation $\sigma_P$", 1.0),
+        ("sauter_diameter", r"Sauter diameter $d_{32}$ [µm]", 1e6),
+    )
+    with plt.rc_context(STYLE):
+        figure, axes = plt.subplots(1, 3, figsize=(8.4, 2.9))
+        for ax, (key, label, unit) in zip(axes, rows, strict=True):
+            time = course.time.values
+            if f"{key}_monte_carlo" in course:
+                ax.plot(time, unit * course[f"{key}_monte_carlo"], color=BLACK, lw=0.8, label=MONTE_CARLO)
+            low, high = (unit * course[f"{key}_{end}"] for end in ("low", "high"))
+            ax.fill_between(time, low, high, color=BLUE, alpha=0.25, lw=0)
+            ax.plot(time, unit * course[key], color=BLUE, label=f"{TABULATED}, 90 % band")
+            if f"{key}_analytical" in course:
+                ax.plot(time, unit * course[f"{key}_analytical"], color=VERMILION, ls="--", label=ANALYTICAL)
+            ax.set(xlabel="time [s]", ylabel=label, xlim=(0, time[-1]))
+            ax.set_ylim(bottom=0)
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        return save(figure, course, path)
+
+
+def draw_distribution(found: Comparison, path: Path) -> Path:
+    """Steady number distribution, three accounts."""
+    data = found.distribution
+    with plt.rc_context(STYLE):
+        figure, ax = plt.subplots(figsize=(4.2, 3.4))
+        size = data["size"].values
+        ax.fill_between(size, data.density_low, data.density_high, color=BLUE, alpha=0.25, lw=0)
+        ax.plot(size, data.density, color=BLUE, label=f"{TABULATED}, 90 % band")
+        if "density_monte_carlo" in data:
+            seen = data.density_monte_carlo.values > 0
+            ax.errorbar(
+                size[seen],
+                data.density_monte_carlo[seen],
+                yerr=data.density_monte_carlo_error[seen],
+                fmt="o",
+                ms=3,
+                lw=0.8,
+                color=BLACK,
+                label=f"{MONTE_CARLO}, standard error",
+            )
+        if "density_analytical" in data:
+            ax.plot(size, data.density_analytical, color=VERMILION, ls="--", label=ANALYTICAL)
+        top = float(data.density.max())
+        ax.set(
+            xscale="log",
+            yscale="log",
+            xlabel="primaries per aggregate $P$",
+            ylabel="number share per primary",
+        )
+        ax.set_ylim(1e-5 * top, 3 * top)
+        ax.set_xlim(0.9, size[np.flatnonzero(data.density.values > 1e-5 * top)[-1]] * 1.1)
+        figure.legend(loc="outside lower center")
+        return save(figure, data, path)
+
+
+def draw_switches(found: Comparison, path: Path) -> Path:
+    """Steady <P> with one assumption changed in each line, beside the Monte Carlo."""
+    data, numbers = found.switches, found.numbers
+    with plt.rc_context(STYLE):
+        figure, ax = plt.subplots(figsize=(5.6, 3.2))
+        y = np.arange(data.sizes["switch"])[::-1]
+        if "mean_size_monte_carlo" in numbers:
+            mean, error = numbers["mean_size_monte_carlo"], numbers["mean_size_monte_carlo_error"]
+            ax.axvspan(mean - 1.645 * error, mean + 1.645 * error, color=BLACK, alpha=0.15, lw=0)
+            ax.axvline(mean, color=BLACK, lw=0.9, label=f"{MONTE_CARLO}, 90 % of its time average")
+        ax.axvspan(
+            numbers["mean_size_low"],
+            numbers["mean_size_high"],
+            color=BLUE,
+            alpha=0.2,
+            lw=0,
+            label="90 % band of the table",
+        )
+        ax.plot(data.mean_size, y, "o", color=BLUE, ms=4)
+        ax.set_yticks(y, data.switch.values)
+        ax.set(xlabel=r"steady mean size $\langle P\rangle$")
+        figure.legend(loc="outside lower center", ncols=2)
+        return save(figure, data, path)
+
+
+def draw_volume_fractions(data: xr.Dataset, path: Path) -> Path:
+    """Steady <P> against volume fraction."""
+    with plt.rc_context(STYLE):
+        figure, ax = plt.subplots(figsize=(4.2, 3.0))
+        ax.plot(
+            data.volume_fraction,
+            data.tabulated,
+            "o-",
+            color=BLUE,
+            ms=4,
+            label="tabulated: breakup on encounter",
+        )
+        if "analytical" in data:
+            ax.plot(
+                data.volume_fraction,
+                data.analytical,
+                "s--",
+                color=VERMILION,
+                ms=4,
+                label="analytical: first-order breakup",
+            )
+        ax.set(xscale="log", xlabel=r"volume fraction $\phi$", ylabel=r"steady mean size $\langle P\rangle$")
+        ax.set_ylim(bottom=0)
+        _ticks_at(ax, data.volume_fraction.values)
+        figure.legend(loc="outside lower center")
+        return save(figure, data, path)
+
+
+def _ticks_at(ax, values) -> None:
+    """Label a logarithmic axis at the values themselves; between close ones its own labels overlap."""
+    ax.set_xticks(values, [f"{v:.3g}" for v in values])
+    ax.xaxis.set_minor_locator(NullLocator())
+
+
+def draw_stress_law(data: xr.Dataset, runs: dict[float, tuple[float, float]], path: Path) -> Path:
+    """Steady <P> and breakup size against stress; runs: stress [Pa] -> <P> of a Monte Carlo and its error."""
+    with plt.rc_context(STYLE):
+        figure, ax = plt.subplots(figsize=(4.2, 3.4))
+        for key, colour, marker, label in (
+            ("mean_size", BLUE, "o", r"steady $\langle P\rangle$ of the balance"),
+            ("breakup_size", GREEN, "^", r"breakup size $P_{br}$"),
+        ):
+            low, high = data[key] - data[f"{key}_low"], data[f"{key}_high"] - data[key]
+            if f"q_{key}" in data.attrs:
+                label += f", q = {data.attrs[f'q_{key}']:.2f}"
+                label += f" ({data.attrs[f'q_{key}_low']:.2f}-{data.attrs[f'q_{key}_high']:.2f})"
+            errors = np.maximum(np.stack([low, high]), 0)
+            ax.errorbar(
+                data.stress, data[key], yerr=errors, fmt=marker + "-", ms=4, color=colour, label=label
+            )
+        if runs:
+            stress = sorted(runs)
+            ax.errorbar(
+                stress,
+                [runs[s][0] for s in stress],
+                yerr=[1.645 * runs[s][1] for s in stress],
+                fmt="kx",
+                ms=5,
+                label=MONTE_CARLO,
+            )
+        ax.set(xscale="log", yscale="log", xlabel="shear stress [Pa]", ylabel="primaries")
+        _ticks_at(ax, data.stress.values)
+        ax.yaxis.set_major_formatter(ScalarFormatter())
+        ax.yaxis.set_minor_formatter(ScalarFormatter())
+        figure.legend(loc="outside lower center")
+        return save(figure, data, path)
+
+
+def draw_table(table: KernelTable, path: Path) -> Path:
+    """Trials, share that aggregated and share that scattered, by sizes of both parents."""
+    r = table.records
+    size = table.size_class(r.size)
+    shape = (table.sizes, table.sizes)
+    both = np.concatenate([size, size[:, ::-1]])
+    at = both[:, 0] * table.sizes + both[:, 1]
+    count = lambda mask: np.bincount(at, np.tile(mask, 2).astype(float), table.sizes**2).reshape(shape)
+    trials = count(np.ones(len(r)))
+    data = xr.Dataset(
+        {
+            "trials": (("size_i", "size_j"), trials),
+            "joined": (
+                ("size_i", "size_j"),
+                np.divide(
+                    count(r.outcome == AGGREGATION), trials, where=trials > 0, out=np.full(shape, np.nan)
+                ),
+            ),
+            "scattered": (
+                ("size_i", "size_j"),
+                np.divide(
+                    count(np.isin(r.outcome, SCATTERED)), trials, where=trials > 0, out=np.full(shape, np.nan)
+                ),
+            ),
+        },
+        {"size_i": table.size_edges[:-1], "size_j": table.size_edges[:-1]},
+    )
+    panels = (
+        ("trials", "trials", "viridis"),
+        ("joined", "share that aggregated", "cividis"),
+        ("scattered", "share that scattered", "magma"),
+    )
+    with plt.rc_context(STYLE):
+        figure, axes = plt.subplots(1, 3, figsize=(9.0, 3.0))
+        edges = table.size_edges.astype(float)
+        for ax, (key, label, colours) in zip(axes, panels, strict=True):
+            values = np.where(trials > 0, data[key], np.nan)
+            norm = "log" if key == "trials" else None
+            mesh = ax.pcolormesh(edges, edges, values, cmap=colours, norm=norm)
+            ax.set(xscale="log", yscale="log", xlabel="$P_i$", ylabel="$P_j$", aspect="equal")
+            figure.colorbar(mesh, ax=ax, label=label, shrink=0.8)
+        return save(figure, data, path)

@@ -1,0 +1,138 @@
+"""A closure's rates in a finite population: what the balance leaves out by averaging over infinitely many.
+
+The same encounters, outcomes, fragments and shapes as in the balance, drawn one at a time for a sample of some hundred
+aggregates that is doubled when it has become small, as in the Monte Carlo the table came from.  Its mean over replicas
+against the balance is the error of the mean field; its spread is what one run can be expected to show.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from pbekit import compiled
+from pbekit.closures import SURVIVE, Closure
+from pbekit.encounters import ShapeMemory
+
+
+def population_course(
+    closure: Closure,
+    volume_fraction: float,
+    times: np.ndarray,
+    *,
+    initial: int = 200,
+    doubling_below: float = 0.75,
+    replicas: int = 8,
+    steady_from: float | None = None,
+    seed: int = 0,
+    largest: int = 4000,
+) -> xr.Dataset:
+    """<P>, sigma_P over time of each replica, and sizes counted from `steady_from` [s] on (the last 40 % by default)."""
+    lookup = _lookup(closure, largest)
+    times = np.asarray(times, float)
+    volume = initial * 4 / 3 * np.pi * closure.table.radius**3 / volume_fraction
+    since = 0.6 * times[-1] if steady_from is None else steady_from
+    series = np.zeros((replicas, times.size, 4))
+    counted = np.zeros((replicas, largest + 1))
+    shapes = closure.grid.shapes
+    for r in range(replicas):
+        sizes, shape = np.ones(64 * initial, np.int64), np.full(64 * initial, shapes, np.int64)
+        compiled.finite_population(
+            lookup,
+            sizes,
+            shape,
+            initial,
+            volume,
+            int(np.ceil(doubling_below * initial)),
+            times,
+            np.random.default_rng([seed, r]),
+            series[r],
+            counted[r],
+            int(np.searchsorted(times, since)),
+        )
+    number, mass, square = series[..., 0], series[..., 2], series[..., 3]
+    mean = mass / number
+    return xr.Dataset(
+        {
+            "mean_size": (("replica", "time"), mean, {"units": "1"}),
+            "size_deviation": (
+                ("replica", "time"),
+                np.sqrt(np.maximum(square / number - mean**2, 0)),
+                {"units": "1"},
+            ),
+            "share": (
+                ("replica", "size"),
+                counted / np.maximum(counted.sum(axis=1, keepdims=True), 1),
+                {"units": "1"},
+            ),
+        },
+        coords={"time": ("time", times, {"units": "s"}), "size": np.arange(largest + 1)},
+    )
+
+
+def _lookup(closure: Closure, largest: int) -> compiled.Lookup:
+    grid, table = closure.grid, closure.table
+    weight = closure.weights(None)
+    nearest_size = np.abs(
+        np.log(np.maximum(np.arange(largest + 1), 1))[:, None] - np.log(grid.pivots)[None]
+    ).argmin(axis=1)
+    first = np.searchsorted(grid.size_of_cell, np.arange(grid.sizes))
+    count = np.bincount(grid.size_of_cell)
+    shapes = grid.shapes
+    cell = np.zeros((largest + 1, shapes + 1), np.int64)
+    for s in range(shapes):
+        cell[:, s] = first[nearest_size] + np.minimum(s, count[nearest_size] - 1)
+    cell[:, shapes] = first[nearest_size]
+
+    p = closure.probabilities(weight, None)
+    p = p if closure.smooth else p[closure.cell_pair]
+    share_join = np.ones((1, grid.cells))
+    share_scatter = np.ones(grid.cells)
+    kept = np.ones((1, grid.cells, 1))
+    partner_start = np.array([0, grid.cells])
+    if shapes > 1:
+        joined, share_scatter = closure.shapes_of_products(weight, None)
+        share_join = joined.shares if isinstance(joined, ShapeMemory) else joined[None]
+        kept = closure.transitions(weight, None)
+        partner_start = closure._partner_start
+    cumulate = lambda rows: np.stack([_by_size(r, grid) for r in np.atleast_2d(rows)])
+    if closure.scattered.size:
+        near = closure._fragment_norm
+        cumulative = near.data.copy()
+        for a, b in zip(near.indptr[:-1], near.indptr[1:], strict=True):
+            cumulative[a:b] = np.cumsum(cumulative[a:b]) / cumulative[a:b].sum()
+        r = closure.records
+        products = r.products[closure.scattered]
+        start = np.concatenate([[0], np.cumsum(r.products)])[closure.scattered]
+        rows = np.concatenate([np.arange(a, a + n) for a, n in zip(start, products, strict=True)])
+        near_start, near_event = near.indptr.astype(np.int64), near.indices.astype(np.int64)
+        event_start, event_size = np.concatenate([[0], np.cumsum(products)]), r.product_size[rows]
+    else:
+        pairs = grid.sizes * (grid.sizes + 1) // 2
+        near_start, near_event, cumulative = np.arange(pairs + 1), np.zeros(pairs, np.int64), np.ones(pairs)
+        event_start, event_size = np.array([0, 2]), np.array([5, 5])
+    return compiled.Lookup(
+        cell,
+        closure.radius_moments(weight),
+        np.ascontiguousarray(np.cumsum(p, axis=-1)[..., : SURVIVE + 2]),
+        nearest_size.astype(np.int64),
+        near_start,
+        near_event,
+        cumulative,
+        event_start.astype(np.int64),
+        event_size.astype(np.int64),
+        cumulate(share_join),
+        _by_size(share_scatter, grid),
+        np.cumsum(kept, axis=2),
+        (np.searchsorted(partner_start, np.arange(grid.cells), side="right") - 1).astype(np.int64),
+        grid.shape_of_cell.astype(np.int64),
+        first[grid.size_of_cell].astype(np.int64),
+        4 / 3 * table.shear_rate,
+    )
+
+
+def _by_size(share: np.ndarray, grid) -> np.ndarray:
+    """(K,) shares of the shapes of each size, cumulated within the size."""
+    total = np.cumsum(share)
+    first = np.searchsorted(grid.size_of_cell, grid.size_of_cell)
+    return total - np.where(first > 0, total[first - 1], 0.0)

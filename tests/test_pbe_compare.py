@@ -1,0 +1,148 @@
+"""Balance, Monte Carlo and analytical laws beside each other; the command line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import synthetic
+import xarray as xr
+from pbe_synthetic import RADIUS, SHEAR_RATE, design
+from typer.testing import CliRunner
+
+from mcdem.scene import Scene
+from mcdem.simulate import run
+from mcdem.tabulate import tabulate
+from pbekit import Grid, integrate
+from pbekit.cli import app
+from pbekit.closures import Closure
+from pbekit.compare import AnalyticalBalance, MonteCarlo, breakup_size, eta_11, switches
+from pbekit.finite import population_course
+from pbekit.tables import KernelTable
+
+ABOUT = {"volume_fraction": 0.04, "viscosity": 1.0, "hamaker_constant": 0.01, "shear_stress": 1.0}
+
+
+@pytest.fixture(scope="module")
+def table():
+    records = design(np.random.default_rng(8), 12_000, 24, (1.2, 2.2))
+    return KernelTable.of(records, RADIUS, SHEAR_RATE, shape_edges=[1, 1.7, 3], about=ABOUT)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A run of synthetic encounters and its table."""
+    folder = tmp_path_factory.mktemp("compare")
+    attraction = '[effects.van_der_waals]\nhamaker_constant = "0.97e-20 J"\nminimum_approach = "0.165 nm"\n'
+    population = '[population]\ninitial = 60\n[run]\nsnapshot_every = "20 ms"\n'
+    scene = Scene.from_text(synthetic.SCENE + attraction + population, "synthetic.toml")
+    run(scene, folder / "run.nc", events=1500, seed=5, encounter=synthetic.aggregation_and_breakup)
+    tabulate(scene, folder / "k.nc", [folder / "run.nc"], encounter=synthetic.aggregation_and_breakup)
+    return folder
+
+
+def test_a_finite_population_follows_the_balance(table):
+    """12 replicas of 200 aggregates: <P>(t) within 4 standard errors of the mean field, and the shares of small sizes."""
+    grid = Grid.primaries(60).with_shapes(table.shape_edges)
+    closure = Closure(table, grid)
+    times = np.array([0.0, 5.0, 15.0, 30.0])
+    phi = 0.04
+    found = population_course(closure, phi, times, replicas=12, steady_from=30.0)
+    number = phi / (4 / 3 * np.pi)
+    exact = integrate(closure.mean, grid.monodisperse(number), times)[:, : grid.cells]
+    mean = found.mean_size.mean("replica").values
+    error = found.mean_size.std("replica", ddof=1).values / np.sqrt(12)
+    wanted = number / exact.sum(axis=1)
+    # A population of 200 that doubles has its own small bias of order 1/200.
+    assert np.all(np.abs(mean - wanted) <= 4 * error + 0.01 * wanted), (mean, wanted, error)
+    share = np.bincount(grid.size_of_cell, exact[-1]) / exact[-1].sum()
+    seen = found.share.mean("replica").values[1:6]
+    spread = found.share.std("replica", ddof=1).values[1:6] / np.sqrt(12)
+    assert np.all(np.abs(seen - share[:5]) <= 4 * spread + 0.01 * share[:5])
+
+
+def test_analytical_laws_are_fitted_in_one_number(table):
+    fitted = AnalyticalBalance.fitted(table, 5.0)
+    assert fitted.efficiency == pytest.approx(0.95 * (0.01 / (36 * np.pi)) ** 0.18)
+    from pbekit.steady import steady_state
+
+    n = steady_state(fitted.balance(), fitted.grid.monodisperse(0.04 / (4 / 3 * np.pi))).population
+    assert n @ fitted.grid.mass / n.sum() == pytest.approx(5.0, rel=1e-2)
+
+
+def test_eta_11_counts_pairs_of_primaries(table):
+    r = table.records
+    pair = (r.size == 1).all(axis=1)
+    eta, low, high = eta_11(table)
+    assert eta == pytest.approx((r.outcome[pair] == 2).sum() / pair.sum())
+    assert low < eta < high
+
+
+def test_every_switch_makes_a_balance(table):
+    names = []
+    for name, make, scheme in switches(table):
+        balance = make().balance(scheme=scheme)
+        assert np.isfinite(balance.rhs(0, balance.state(balance.grid.monodisperse(0.01)))).all()
+        names.append(name)
+    assert len(set(names)) == len(names) >= 8
+
+
+def test_breakup_size_is_where_half_of_the_contacts_break():
+    """The synthetic DEM breaks half of its hits at a joint size of 7 (rounder shapes)."""
+    records = design(np.random.default_rng(8), 30_000, 14)
+    closure = Closure(KernelTable.of(records, RADIUS, SHEAR_RATE, shapes=1), Grid.primaries(14))
+    assert breakup_size(closure) == pytest.approx(7.0, rel=0.15)
+
+
+def test_a_run_is_read(files):
+    read = MonteCarlo.read(files / "run.nc")
+    assert read.mean_size[0] == 1.0 and read.initial == 60
+    assert read.share.sum() == pytest.approx(1.0)
+    mean, error = read.steady["mean_size"]
+    assert 1 < mean < 20 and 0 < error < mean
+    assert read.at("mean_size", np.array([0.0]))[0] == 1.0
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def test_show_tells_what_decides_the_error(files):
+    done = call("show", files / "k.nc")
+    assert done.exit_code == 0, done.output
+    assert "1500 encounters" in done.output and "shares of its variance" in done.output
+
+
+@pytest.mark.parametrize("options", [(), ("--mean-shape", "--smooth"), ("--scheme", "cell average")])
+def test_solve_writes_a_dataset(files, tmp_path, options):
+    out = tmp_path / "s.nc"
+    done = call("solve", files / "k.nc", "-o", out, "--until", 2, "--samples", 11, "--draws", 5, *options)
+    assert done.exit_code == 0, done.output
+    data = xr.load_dataset(out)
+    assert data.sizes["time"] == 11 and float(abs(data.mass_drift).max()) < 1e-12
+    assert float(data.number.min()) >= 0
+    assert bool((data.mean_size_low <= data.mean_size_high).all())
+    assert data.attrs["steady_mean_size"] > 1 and "scene" in data.attrs
+
+
+def test_compare_draws_and_tells(files, tmp_path):
+    done = call("compare", files / "k.nc", "--run", files / "run.nc", "-o", tmp_path / "c", "--draws", 6)
+    assert done.exit_code == 0, done.output
+    for name in ("table", "course", "distribution", "switches", "volume-fractions"):
+        assert (tmp_path / "c" / f"k-{name}.png").stat().st_size > 5000
+        assert (tmp_path / "c" / f"k-{name}.nc").exists()
+    for words in ("steady <P>", "eta_11", "one mean shape per size", "a finite population of 60"):
+        assert words in done.output
+    course = xr.load_dataset(tmp_path / "c" / "k-course.nc")
+    late = course.isel(time=-1)
+    # The synthetic encounters depend on sizes alone, and strongly: the balance must stay near the run it came from.
+    assert abs(float(late.mean_size) / float(late.mean_size_monte_carlo) - 1) < 0.3
+
+
+def test_mistakes_are_answered_in_a_line(files, tmp_path):
+    done = call("show", tmp_path / "none.nc")
+    assert done.exit_code == 2 and "no kernel table" in done.output
+    (tmp_path / "s.nc").write_text("")
+    done = call("solve", files / "k.nc", "-o", tmp_path / "s.nc")
+    assert done.exit_code == 2 and "--overwrite" in done.output
+    done = call("compare", files / "k.nc", "--run", files / "k.nc", "-o", tmp_path)
+    assert done.exit_code == 2
