@@ -28,4 +28,6 @@ def test_notebook_runs(path, monkeypatch):
     nbclient.NotebookClient(
         notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(path.parent)}}
     ).execute()
-    assert any(output.output_type != "stream" for cell in notebook.cells for output in cell.get("outputs", []))
+    assert any(
+        output.output_type != "stream" for cell in notebook.cells for output in cell.get("outputs", [])
+    )

@@ -84,7 +84,11 @@ def kernels(
                     progress=display,
                 )
         console = Console(stderr=True)
-        columns = (TextColumn("designed encounters"), BarColumn(bar_width=20), TextColumn("{task.fields[state]}"))
+        columns = (
+            TextColumn("designed encounters"),
+            BarColumn(bar_width=20),
+            TextColumn("{task.fields[state]}"),
+        )
         with Bar(*columns, console=console, disable=not console.is_terminal) as bar:
             task = bar.add_task("", total=encounters, state="")
             said = [0.0]
