@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 from PIL import Image
+from small_runs import SCENES
 from test_trajectory import A, turning_trimer
+from typer.testing import CliRunner
 
+from mcdem import trajectory
+from mcdem.cli import app
 from mcdem.errors import UserError
 from mcdem.film import film, frames, half_widths, interesting
 
@@ -62,3 +66,23 @@ def test_film_reads_back(tmp_path, name):
 def test_other_endings_are_refused(tmp_path):
     with pytest.raises(UserError, match=r"\.mp4 or \.gif"):
         film(turning_trimer(3), tmp_path / "film.avi")
+
+
+def test_command_films_a_real_encounter(tmp_path):
+    """Two monomers head-on at 1000 Pa stick: the last frame has one bond, and its pull is that of a doublet."""
+    files = [tmp_path / "film.gif", tmp_path / "course.nc"]
+    call = ["encounter", str(SCENES / "quickstart.toml"), "--offset", "0 nm", "120 nm", "--every", "2"]
+    done = CliRunner().invoke(app, [*call, "--film", str(files[0]), "--trajectory", str(files[1])])
+    assert done.exit_code == 0, done.output
+    course = trajectory.read(files[1])
+    assert course.origin["outcome"] == "aggregation"
+    assert "aggregation" in done.output
+    pairs, tension = course.bonds(course.frames - 1)
+    assert pairs.tolist() == [[0, 1]]
+    gap = np.linalg.norm(course.positions[-1, 0] - course.positions[-1, 1]) - 2 * course.radius
+    assert abs(gap) < 1e-9
+    assert abs(tension[0]) < course.pull_off_force
+    with Image.open(files[0]) as image:
+        assert image.n_frames > 5
+    refused = CliRunner().invoke(app, [*call, "--film", str(files[0])])
+    assert refused.exit_code == 2 and "--overwrite" in refused.output
