@@ -91,7 +91,7 @@ def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
         scale_bar = figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=[-1, 0, 1])
         scale_bar.ax.tick_params(length=0, pad=1)
         scale_bar.ax.set_xticklabels([r"$-F_{adh}$", "0", r"$F_{adh}$"], fontsize=0.75 * size)
-        figure.text(0.59, 0.5 * strip / height, "bond tension", fontsize=0.85 * size, ha="right")
+        figure.text(0.565, 0.5 * strip / height, "bond tension", fontsize=0.85 * size, ha="right")
         pictures: list = []
         for k, half in enumerate(half_widths(t)):
             camera = Camera(t.positions[k].mean(axis=0), half, **SHEAR_PLANE)
@@ -117,7 +117,7 @@ def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
 def film(trajectory: Trajectory, path: Path | str, width: int | None = None, whole: bool = False) -> Path:
     """Write an encounter as MP4 (H.264) or GIF, by the file's ending; returns the path.
 
-    width : of the picture in pixels, 720 for MP4 and 480 for GIF by default
+    width : of the picture in pixels, 720 for MP4 and 440 for GIF by default
     whole : from the first frame to the last, not only from shortly before contact to shortly after the last change
     """
     path = Path(path)
@@ -126,7 +126,7 @@ def film(trajectory: Trajectory, path: Path | str, width: int | None = None, who
     course = trajectory if whole else interesting(trajectory)
     try:
         if path.suffix.lower() == ".gif":
-            _write_gif(course, path, width or 480)
+            _write_gif(course, path, width or 440)
         else:
             _write_mp4(course, path, width or 720)
     except OSError as problem:
@@ -164,7 +164,7 @@ def _write_mp4(course: Trajectory, path: Path, width: int) -> None:
 def _write_gif(course: Trajectory, path: Path, width: int) -> None:
     from PIL import Image
 
-    every = max(1, round(course.frames / 150))  # a page loads 150 small pictures without a wait
+    every = max(1, round(course.frames / 110))  # a page loads so many small pictures without a wait
     course = course.part(0, course.frames, every)
     images = [Image.fromarray(picture) for picture in frames(course, width)]
     # One palette for all, or the background would flicker.
