@@ -65,7 +65,7 @@ def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
     colours = ScalarMappable(Normalize(-1, 1), mpl.colormaps["coolwarm"])
     tints = PARENTS[t.parent]
     tall = round(width / ASPECT)
-    strip = round(0.075 * width)
+    strip = round(0.09 * width)
     height = 2 * tall + strip
     with look():
         figure = Figure(figsize=(width / 100, height / 100), dpi=100)
@@ -87,11 +87,13 @@ def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
             va="top",
             ha="right",
         )
-        bar = figure.add_axes((0.60, 0.55 * strip / height, 0.36, 0.25 * strip / height))
+        bar = figure.add_axes((0.62, 0.66 * strip / height, 0.34, 0.24 * strip / height))
         scale_bar = figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=[-1, 0, 1])
         scale_bar.ax.tick_params(length=0, pad=1)
-        scale_bar.ax.set_xticklabels([r"$-F_{adh}$", "0", r"$F_{adh}$"], fontsize=0.75 * size)
-        figure.text(0.565, 0.5 * strip / height, "bond tension", fontsize=0.85 * size, ha="right")
+        scale_bar.ax.set_xticklabels(["push 1", "0", "1 pull"], fontsize=0.9 * size)
+        figure.text(
+            0.585, 0.62 * strip / height, r"bond tension / $F_{adh}$", fontsize=0.85 * size, ha="right"
+        )
         pictures: list = []
         for k, half in enumerate(half_widths(t)):
             camera = Camera(t.positions[k].mean(axis=0), half, **SHEAR_PLANE)

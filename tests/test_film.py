@@ -1,7 +1,11 @@
 """A film shows the encounter's frames, in the pair's frame, with the strain running."""
 
+import re
+import shlex
+
 import numpy as np
 import pytest
+import typer
 from PIL import Image
 from small_runs import SCENES
 from test_trajectory import A, turning_trimer
@@ -9,8 +13,11 @@ from typer.testing import CliRunner
 
 from mcdem import trajectory
 from mcdem.cli import app
+from mcdem.commands.encounter import aggregate_of
 from mcdem.errors import UserError
 from mcdem.film import film, frames, half_widths, interesting
+from mcdem.morphology import morphology
+from mcdem.scene import load_scene
 
 
 def test_frames_show_all_spheres_in_two_colours():
@@ -86,3 +93,18 @@ def test_command_films_a_real_encounter(tmp_path):
         assert image.n_frames > 5
     refused = CliRunner().invoke(app, [*call, "--film", str(files[0])])
     assert refused.exit_code == 2 and "--overwrite" in refused.output
+
+
+def test_the_films_rods_are_rigid_and_its_command_holds():
+    """README's film: the command's options are known, its clusters free contacts of 3P - 6 bonds."""
+    readme = (SCENES.parent / "README.md").read_text()
+    (line,) = re.findall(r"<!-- film -->\n```bash\nmcdem (.*)\n```", readme)
+    words = shlex.split(line)
+    command = typer.main.get_command(app).commands["encounter"]
+    given = command.make_context("encounter", words[1:]).params
+    scene = load_scene(SCENES.parent / given["scene"])
+    for option in ("first", "second"):
+        rod = aggregate_of(scene, option, str(SCENES.parent / given[option]))
+        assert len(rod.bonds) == 3 * rod.size - 6
+        assert morphology(rod.positions, rod.bonds, scene.suspension.radius)["floppy_modes"] == 0
+    assert (SCENES.parent / given["film"]).stat().st_size < 2_500_000
