@@ -62,7 +62,7 @@ def draw_snapshots(numbers: xr.Dataset) -> Canvas:
     a = numbers.attrs["radius"]
     count = numbers.sizes["frame"]
     figure, grid = canvas(1.42 * count, 2.05, ncols=count)
-    figure.get_layout_engine().set(h_pad=0.12)  # two lines of title do not fit into the layout's own margin
+    figure.set_layout_engine("constrained", h_pad=0.12)  # two lines of title do not fit into the layout's own margin
     tints = PARENTS[numbers["parent"].values]
     for k, axes in enumerate(grid):
         one = numbers.isel(frame=k)
