@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from .breakup import Reading, breakups, summarise
+from .errors import UserError
 from .morphology import Inertia, population_morphology
 from .record import opened
 from .scene import Scene
@@ -161,10 +162,20 @@ def pool(datasets: Iterable[xr.Dataset], dim: str) -> xr.Dataset:
 
 
 def by_stress(runs: Iterable[Run]) -> dict[float, list[Run]]:
-    """Replicas together, by rising shear stress [Pa]."""
+    """Replicas together, by rising shear stress [Pa].
+
+    Raises `UserError` where two runs of one stress differ in more than seed, sample and end: they are no replicas.
+    """
     groups: dict[float, list[Run]] = {}
     for run in sorted(runs, key=lambda run: run.stress):
-        groups.setdefault(round(run.stress, 6), []).append(run)
+        group = groups.setdefault(round(run.stress, 6), [])
+        for table in ("suspension", "flow", "effects", "hydrodynamics", "numerics"):
+            if group and getattr(group[0].scene, table) != getattr(run.scene, table):
+                raise UserError(
+                    f"{group[0].path} and {run.path}: both of {run.label}, but [{table}] of their scenes differs; "
+                    "take them one at a time"
+                )
+        group.append(run)
     return groups
 
 

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 from small_runs import small_runs
 
-from mcdem.errors import DataFileError
+from mcdem.errors import DataFileError, UserError
 from mcdem.morphology import morphology
 from mcdem.runs import Run, by_stress, pooled_breakups
 from mcdem.statistics import size_moments
@@ -63,6 +63,15 @@ def test_replicas_are_pooled(run):
     alone, twice = (pooled_breakups(g, "strict") for g in ([run], [run, other]))
     assert twice["breakups"] == 2 * alone["breakups"]
     np.testing.assert_allclose(twice["P_br"], alone["P_br"])
+
+
+def test_runs_that_are_no_replicas_are_not_pooled(run):
+    other = Run(run.path)
+    other.scene = run.scene.with_changes({"effects.jkr.elastic_modulus": "10 GPa"})
+    with pytest.raises(UserError, match=r"\[effects\] of their scenes differs"):
+        by_stress([run, other])
+    other.scene = run.scene.with_changes({"run.seed": 7, "population.initial": 90})
+    assert len(by_stress([run, other])) == 1
 
 
 def test_other_files_are_refused(tmp_path):

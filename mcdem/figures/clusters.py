@@ -102,7 +102,9 @@ def draw_clusters(numbers: xr.Dataset) -> Canvas:
     rows = len(np.unique(numbers["stress"].values))
     columns = len(shapes) // rows
     figure, grid = canvas(1.95 * columns, 2.3 * rows + 0.3, nrows=rows, ncols=columns, squeeze=False)
-    figure.set_layout_engine("constrained", h_pad=0.12)  # two lines of title do not fit into the layout's own margin
+    figure.set_layout_engine(
+        "constrained", h_pad=0.12
+    )  # two lines of title do not fit into the layout's own margin
     for k, (axes, positions) in enumerate(zip(grid.ravel(), shapes, strict=True)):
         one = numbers.isel(aggregate=k)
         row = slice(k // columns * columns, (k // columns + 1) * columns)

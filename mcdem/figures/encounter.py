@@ -62,14 +62,16 @@ def draw_snapshots(numbers: xr.Dataset) -> Canvas:
     a = numbers.attrs["radius"]
     count = numbers.sizes["frame"]
     figure, grid = canvas(1.42 * count, 2.05, ncols=count)
-    figure.set_layout_engine("constrained", h_pad=0.12)  # two lines of title do not fit into the layout's own margin
+    figure.set_layout_engine(
+        "constrained", h_pad=0.12
+    )  # two lines of title do not fit into the layout's own margin
     tints = PARENTS[numbers["parent"].values]
     for k, axes in enumerate(grid):
         one = numbers.isel(frame=k)
         x = one["position"].values / a
         # wide enough for all that is near; what has drifted off is outside
         centre = x.mean(axis=0)
-        half = float(np.clip(1.1 * np.abs((x - centre)[:, 1:]).max() + 1.5, 6.0, 24.0))
+        half = float(np.clip(1.1 * np.abs((x - centre)[:, 1:]).max() + 1.5, 6.0, 60.0))
         picture = Picture(Camera(centre, half, **SHEAR_PLANE), 480, 480).spheres(x, 1.0, tints).smoothed()
         axes.imshow(picture, extent=(-half, half, -half, half))
         axes.set_xticks([])
