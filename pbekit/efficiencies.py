@@ -10,6 +10,7 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from pbekit.errors import KernelError, RangeWarning
 from pbekit.grid import Cells
@@ -46,6 +47,53 @@ class VanDeVenMason(Kernel):
     @property
     def value(self) -> float:
         return min(1.0, self.prefactor * self.attraction**0.18)
+
+    def __call__(self, i: Cells, j: Cells):
+        return np.full(np.broadcast_shapes(i.mass.shape, j.mass.shape), self.value)
+
+
+EXTENSION = np.array(
+    [
+        [1e-9, 0.05670],
+        [1e-8, 0.07573],
+        [1e-7, 0.10164],
+        [1e-6, 0.13739],
+        [1e-5, 0.18781],
+        [10**-4.5, 0.22105],
+        [1e-4, 0.26189],
+        [10**-3.5, 0.31312],
+        [1e-3, 0.37904],
+        [10**-2.5, 0.46653],
+        [1e-2, 0.58658],
+        [10**-1.5, 0.75677],
+        [1e-1, 1.00506],
+    ]
+)
+"""(C_A, eta): limiting trajectories of two equal spheres in uniaxial extension with exact two-sphere mobilities and
+unretarded attraction; tests/test_pbe_extension.py computes them again."""
+
+
+@dataclass(frozen=True)
+class ZeichnerSchowalter(Kernel):
+    """Two equal spheres in uniaxial extension, by trajectory analysis (Zeichner & Schowalter 1977).
+
+    To be multiplied with `ExtensionEncounter`.  C_A is formed with the extension rate.  The trajectories are computed, not
+    read from their figures: smooth spheres, full lubrication, unretarded attraction.  Local powers of C_A: 0.13 at 1e-7,
+    0.15 at 1e-4, 0.22 at 1e-2.  Above C_A = 0.1 attraction draws in pairs from outside the sphere of contact.
+    """
+
+    attraction: float  # A_H/(36 pi mu e a^3) [-]
+
+    def __post_init__(self):
+        if not EXTENSION[0, 0] <= self.attraction <= EXTENSION[-1, 0]:
+            _warn(
+                f"ZeichnerSchowalter: C_A = {self.attraction:.3g} is outside 1e-9 ... 1e-1, where trajectories were computed"
+            )
+
+    @property
+    def value(self) -> float:
+        known = CubicSpline(*np.log(EXTENSION.T))
+        return float(np.exp(known(np.log(np.clip(self.attraction, *EXTENSION[[0, -1], 0])))))
 
     def __call__(self, i: Cells, j: Cells):
         return np.full(np.broadcast_shapes(i.mass.shape, j.mass.shape), self.value)

@@ -226,6 +226,20 @@ SmoluchowskiShear = ShearEncounter
 
 
 @dataclass(frozen=True)
+class ExtensionEncounter(Kernel):
+    """4 pi/(3 sqrt 3) e (R_i + R_j)^3: flux into the sphere of contact in uniaxial extension (Zeichner & Schowalter 1977)."""
+
+    extension_rate: float  # e [1/s]
+
+    def __call__(self, i, j):
+        if np.any(np.isnan(i.outer_radius)):
+            raise KernelError(
+                "ExtensionEncounter: the grid has no outer radii; use grid.with_outer_radius(...)"
+            )
+        return 4 * np.pi / (3 * np.sqrt(3)) * self.extension_rate * (i.outer_radius + j.outer_radius) ** 3
+
+
+@dataclass(frozen=True)
 class FractalRadius:
     """R = a (P / k)^(1/d), never below the sphere (P = 1) and the touching pair (P = 2, R = 2a).
 

@@ -11,6 +11,7 @@ from pbekit.efficiencies import (
     Kusters,
     VanDeVenMason,
     VeerapaneniWiesner,
+    ZeichnerSchowalter,
     attraction_number,
     fluid_collection,
     happel_permeability,
@@ -77,7 +78,12 @@ def test_happel_permeability_is_that_of_single_spheres_when_dilute():
     assert happel_permeability(1e-12, 2.0) * 1e-12 == pytest.approx(8 / 9, rel=1e-3)
 
 
-EFFICIENCIES = [lambda: VanDeVenMason(1e-3), Kusters, lambda: VeerapaneniWiesner(1.0)]
+EFFICIENCIES = [
+    lambda: VanDeVenMason(1e-3),
+    lambda: ZeichnerSchowalter(1e-3),
+    Kusters,
+    lambda: VeerapaneniWiesner(1.0),
+]
 
 
 @pytest.mark.parametrize("make", EFFICIENCIES)
