@@ -67,9 +67,8 @@ def test_the_map_shows_what_is_there():
     tree = README[README.index("## Map of the tree") :].split("```")[1]
     folder, places = Path(), []
     for line in tree.strip().splitlines():
-        name = line.split()[0]
-        folder = folder if line.startswith("  ") else Path()
-        places.append(folder / name if line.startswith("  ") else Path(name))
-        folder = places[-1] if name.endswith("/") and not line.startswith("  ") else folder
-    assert len(places) > 8
+        inside, names = re.match(r"( *)([^\s,]+(?:, [^\s,]+)*)", line).groups()
+        folder = folder if inside else Path(names)
+        places += [folder / name for name in names.split(", ")] if inside else [Path(names)]
+    assert len(places) > 20
     assert not [str(place) for place in places if not (ROOT / place).exists()]
