@@ -151,8 +151,9 @@ def take(motion, members):
     )
     for i in range(m):
         p = members[i]
-        part.positions[i] = motion.positions[p]
-        part.velocities[i] = motion.velocities[p]
+        for k in range(3):
+            part.positions[i, k] = motion.positions[p, k]
+            part.velocities[i, k] = motion.velocities[p, k]
         part.radii[i] = motion.radii[p]
         part.parent[i] = motion.parent[p]
         for j in range(m):
@@ -166,8 +167,9 @@ def put_back(part, members, motion):
     """Write a part back; contacts across its border are gone."""
     for i in range(members.shape[0]):
         p = members[i]
-        motion.positions[p] = part.positions[i]
-        motion.velocities[p] = part.velocities[i]
+        for k in range(3):
+            motion.positions[p, k] = part.positions[i, k]
+            motion.velocities[p, k] = part.velocities[i, k]
         for j in range(members.shape[0]):
             motion.bonded[p, members[j]] = part.bonded[i, j]
             motion.born[p, members[j]] = part.born[i, j]
