@@ -320,7 +320,7 @@ def tabulate(
             return base.with_records(Records.join([reused, every.select(np.arange(count))]))
 
         def save() -> None:
-            about = {**base.about, "designed": done, "command": shlex.join(sys.argv)}
+            about = {**base.about, "designed": done, "command": shlex.join(["mcdem", *sys.argv[1:]])}
             full = table(done)
             KernelTable(
                 full.records, base.size_edges, base.shape_edges, base.radius, base.shear_rate, shape, about

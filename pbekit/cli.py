@@ -150,7 +150,7 @@ def solve(
         bar("done", 1.0)
     data.attrs |= {
         "kernels": str(kernels),
-        "command": shlex.join(sys.argv),
+        "command": shlex.join(["pbekit", *sys.argv[1:]]),
         "scene": str(table.about.get("scene", "")),
         "steady_mean_size": float(summary["mean_size"]),
         "extrapolated_flux": closure.extrapolated_flux(steady.population),
@@ -215,9 +215,11 @@ def compare(
         if "volume_fraction" in table.about:
             data = comparing.volume_fractions(table, result.numbers["mean_size"])
             figures.draw_volume_fractions(data, prefix.with_name(prefix.name + "-volume-fractions"))
-        if run is not None:
+        if run is not None and run.is_steady:
             seen[stress] = run.steady["mean_size"]
         _tell(file, result)
+    if all("viscosity" in t.about for t in tables):
+        figures.draw_efficiencies(comparing.efficiencies(tables), output / "eta_11")
     if len(tables) > 1:
         law = comparing.stress_law(tables, draws)
         figures.draw_stress_law(law, seen, output / "stress")
@@ -252,6 +254,16 @@ def _tell(file: Path, result: Any) -> None:
     widths = [max(len(row[k]) for row in rows) for k in range(4)]
     for row in rows:
         typer.echo("  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip())
+    if result.run is not None:
+        if not result.run.is_steady:
+            typer.echo(
+                f"  the run is not steady: <P> still drifts ({result.run.trend:+.1f} standard errors a block)"
+            )
+        typer.echo(
+            f"  <P> at t = {n['end']:.4g} s: balance {n['end_mean_size']:.3g} "
+            f"({n['end_mean_size_low']:.3g} ... {n['end_mean_size_high']:.3g}), "
+            f"Monte Carlo {n['end_mean_size_monte_carlo']:.3g}"
+        )
     guessed, lost = 100 * n["extrapolated_flux"], 100 * n["unresolved"]
     typer.echo(f"  {guessed:.2g} % of encounters extrapolated, {lost:.2g} % unresolved")
     typer.echo("  steady <P> with one assumption changed:")

@@ -24,6 +24,7 @@ from pbekit.encounters import Aggregation, Breakage, Event
 from pbekit.errors import PBEError
 from pbekit.finite import population_course
 from pbekit.grid import Grid
+from pbekit.solve import integrate
 from pbekit.steady import SteadyState, steady_state
 from pbekit.tables import AGGREGATION, UNRESOLVED, KernelTable, size_classes
 from pbekit.uncertainty import LEVEL, band, course_output, draws_of, steady_output, steady_summary
@@ -38,8 +39,9 @@ BLOCKS = 8
 class MonteCarlo:
     """What a dataset of `mcdem run` says of sizes.
 
-    time (t,) [s]; mean_size, size_deviation, sauter_diameter (t,); steady: mean and standard error of each over the last
-    part; share (sizes + 1,) number share of each size in the snapshots of that part, share_error its standard error
+    time (t,) [s]; mean_size, size_deviation, sauter_diameter (t,)
+    steady : mean and standard error of each over the last part; trend : slope of <P> there over its standard error
+    share (sizes + 1,) : number share of each size in the snapshots of that part; share_error : its standard error
     """
 
     path: Path
@@ -49,9 +51,15 @@ class MonteCarlo:
     size_deviation: np.ndarray
     sauter_diameter: np.ndarray
     steady: dict[str, tuple[float, float]]
+    trend: float
     share: np.ndarray
     share_error: np.ndarray
     initial: int
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether <P> shows no trend over the last part: its slope through block means is within 3 standard errors."""
+        return abs(self.trend) <= 3.0
 
     @classmethod
     def read(cls, path: Path | str) -> MonteCarlo:
@@ -72,7 +80,8 @@ class MonteCarlo:
             "relative_deviation": root.size_deviation.values / root.mean_size.values,
             "sauter_diameter": root.sauter_diameter.values,
         }
-        steady = {name: _blocks(time[late], v[late]) for name, v in values.items()}
+        blocks = {name: _blocks(time[late], v[late]) for name, v in values.items()}
+        steady = {name: _mean_and_error(b) for name, b in blocks.items()}
         numbers = snapshots.number_of_aggregates.values
         of_aggregate = np.repeat(np.arange(len(numbers)), numbers)
         chosen = snapshots.time.values[of_aggregate] >= (1 - STEADY_SHARE) * time[-1]
@@ -94,6 +103,7 @@ class MonteCarlo:
             root.size_deviation.values,
             root.sauter_diameter.values,
             steady,
+            _trend(blocks["mean_size"]),
             share,
             error,
             int(root.number_of_aggregates.values[0]),
@@ -105,19 +115,27 @@ class MonteCarlo:
         return np.asarray(getattr(self, name))[row]
 
 
-def _blocks(time, values) -> tuple[float, float]:
-    """Time average over a stretch and its standard error from blocks."""
-    edges = np.linspace(time[0], time[-1], BLOCKS + 1)
+def _blocks(time, values) -> np.ndarray:
+    """Time averages over the blocks of a stretch."""
     means = []
-    for low, high in itertools.pairwise(edges):
+    for low, high in itertools.pairwise(np.linspace(time[0], time[-1], BLOCKS + 1)):
         inside = np.flatnonzero((time >= low) & (time <= high))
         if inside.size > 1 and time[inside[-1]] > time[inside[0]]:
             means.append(np.trapezoid(values[inside], time[inside]) / (time[inside[-1]] - time[inside[0]]))
-    if not means:
-        return float(values[-1]), np.nan
-    return float(np.mean(means)), float(np.std(means, ddof=1) / np.sqrt(len(means))) if len(
-        means
-    ) > 1 else np.nan
+    return np.array(means or [values[-1]])
+
+
+def _mean_and_error(blocks: np.ndarray) -> tuple[float, float]:
+    error = blocks.std(ddof=1) / np.sqrt(len(blocks)) if len(blocks) > 1 else np.nan
+    return float(blocks.mean()), float(error)
+
+
+def _trend(blocks: np.ndarray) -> float:
+    """Slope of a line through block means over its standard error; inf if there are too few."""
+    if len(blocks) < 4:
+        return np.inf
+    line = stats.linregress(np.arange(len(blocks)), blocks)
+    return float(line.slope / line.stderr) if line.stderr > 0 else 0.0
 
 
 # -- the balance on a table ---------------------------------------------------------------------------------------------
@@ -197,6 +215,19 @@ class AnalyticalBalance:
         return cls(grid, rate, efficiency, power, float(np.exp(c)))
 
 
+def settling_time(balance: PopulationBalance, start: np.ndarray, mean_size: float) -> float:
+    """Time [s] after which <P> stays within 2 % of its steady value."""
+    rate = balance.rhs(0.0, balance.state(start))[: balance.cells].sum()
+    span = 20.0 * start.sum() / abs(rate)
+    while True:
+        times = np.linspace(0, span, 61)
+        n = integrate(balance, start, times, rtol=1e-5)[:, : balance.cells]
+        off = np.abs(n @ balance.grid.mass / n.sum(axis=1) / mean_size - 1) > 0.02
+        if not off[-15:].any():
+            return float(times[np.flatnonzero(off)[-1]])
+        span *= 2
+
+
 # -- switches -------------------------------------------------------------------------------------------------------------
 
 
@@ -263,6 +294,22 @@ def switch_table(table: KernelTable, initial: int, duration: float, replicas: in
 # -- comparison ------------------------------------------------------------------------------------------------------------
 
 
+def efficiencies(tables: list[KernelTable]) -> xr.Dataset:
+    """eta_11 of each table with its interval, and Eq. 23, against stress."""
+    stress = np.array([float(t.about["viscosity"]) * t.shear_rate for t in tables])
+    order = np.argsort(stress)
+    counted = np.array([eta_11(tables[k]) for k in order])
+    law = [van_de_ven_mason_of(tables[k]) if "hamaker_constant" in tables[k].about else np.nan for k in order]
+    columns = {
+        "eta_11": counted[:, 0],
+        "eta_11_low": counted[:, 1],
+        "eta_11_high": counted[:, 2],
+        "equation_23": law,
+    }
+    data = xr.Dataset({n: ("stress", v, {"units": "1"}) for n, v in columns.items()})
+    return data.assign_coords(stress=("stress", stress[order], {"units": "Pa"}))
+
+
 @dataclass(frozen=True)
 class Comparison:
     """The three accounts at one stress: `course` over time, `distribution` at steady state, `numbers`, `switches`."""
@@ -309,7 +356,8 @@ def compare(
 
     centre = output(closure.mean)
     drawn = draws_of(closure, output, draws, seed, lambda k: tell("draws", 0.05 + 0.6 * k / draws))
-    target = run.steady["mean_size"][0] if run is not None else float(mean["mean_size"])
+    settled = run is not None and run.is_steady
+    target = run.steady["mean_size"][0] if run is not None and settled else float(mean["mean_size"])
     tell("analytical laws", 0.7)
     data: dict[str, tuple] = {}
     for key, unit in (("mean_size", "1"), ("size_deviation", "1"), ("sauter_diameter", "m")):
@@ -325,12 +373,22 @@ def compare(
     for key in ("mean_size", "relative_deviation", "sauter_diameter"):
         low, high = band(drawn[key].values)
         numbers |= {key: float(mean[key]), f"{key}_low": float(low), f"{key}_high": float(high)}
-        if run is not None:
+        if run is not None and settled:
             numbers[f"{key}_monte_carlo"], numbers[f"{key}_monte_carlo_error"] = run.steady[key]
     numbers["eta_11"], numbers["eta_11_low"], numbers["eta_11_high"] = eta_11(table)
     numbers["extrapolated_flux"] = closure.extrapolated_flux(steady.population)
     numbers["unresolved"] = closure.unresolved
     numbers["edge_flux"] = closure.mean.edge_flux(steady.population)
+    if run is not None:
+        # At the end of the run, steady or not.
+        low, high = band(drawn["course_mean_size"].values[:, -1])
+        numbers |= {
+            "end": until,
+            "end_mean_size": float(centre["course_mean_size"][-1]),
+            "end_mean_size_low": float(low),
+            "end_mean_size_high": float(high),
+            "end_mean_size_monte_carlo": float(run.at("mean_size", times[-1:])[0]),
+        }
 
     grid = closure.grid
     share_low, share_high = band(drawn["share"].values)
@@ -365,7 +423,8 @@ def compare(
         distribution["density_monte_carlo"] = ("size", cells / width)
         distribution["density_monte_carlo_error"] = ("size", spread / width)
     tell("switches", 0.8)
-    switched = switch_table(table, run.initial if run is not None else 200, until)
+    duration = max(until, 1.5 * settling_time(closure.mean, start, float(mean["mean_size"])))
+    switched = switch_table(table, run.initial if run is not None else 200, duration)
     tell("done", 1.0)
     return Comparison(
         xr.Dataset(data, {"time": ("time", times, {"units": "s"})}),

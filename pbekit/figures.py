@@ -159,6 +159,24 @@ def _ticks_at(ax, values) -> None:
     ax.xaxis.set_minor_locator(NullLocator())
 
 
+def draw_efficiencies(data: xr.Dataset, path: Path) -> Path:
+    """eta_11 as counted, beside van de Ven & Mason's law."""
+    with plt.rc_context(STYLE):
+        figure, ax = plt.subplots(figsize=(4.2, 3.0))
+        # Jeffreys intervals leave out the ends 0 and 1 themselves.
+        errors = np.maximum(np.stack([data.eta_11 - data.eta_11_low, data.eta_11_high - data.eta_11]), 0)
+        ax.errorbar(
+            data.stress, data.eta_11, yerr=errors, fmt="o", ms=4, color=BLUE, label="counted, 90 % interval"
+        )
+        ax.plot(
+            data.stress, data.equation_23, "s--", ms=4, color=VERMILION, label="van de Ven-Mason (Eq. 23)"
+        )
+        ax.set(xlabel="shear stress [Pa]", ylabel=r"efficiency of two primaries $\eta_{11}$")
+        ax.set_ylim(bottom=0)
+        figure.legend(loc="outside lower center", ncols=2)
+        return save(figure, data, path)
+
+
 def draw_stress_law(data: xr.Dataset, runs: dict[float, tuple[float, float]], path: Path) -> Path:
     """Steady <P> and breakup size against stress; runs: stress [Pa] -> <P> of a Monte Carlo and its error."""
     with plt.rc_context(STYLE):

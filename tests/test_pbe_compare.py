@@ -130,6 +130,7 @@ def test_compare_draws_and_tells(files, tmp_path):
     for name in ("table", "course", "distribution", "switches", "volume-fractions"):
         assert (tmp_path / "c" / f"k-{name}.png").stat().st_size > 5000
         assert (tmp_path / "c" / f"k-{name}.nc").exists()
+    assert (tmp_path / "c" / "eta_11.png").stat().st_size > 5000
     for words in ("steady <P>", "eta_11", "one mean shape per size", "a finite population of 60"):
         assert words in done.output
     course = xr.load_dataset(tmp_path / "c" / "k-course.nc")
