@@ -92,7 +92,7 @@ def mpiexec(*arguments: str) -> subprocess.CompletedProcess[str]:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
     )
 
 
@@ -224,7 +224,7 @@ def test_asked_to_stop_it_leaves_a_whole_dataset(reference, tmp_path, number, wo
     process = start(path, "--events", str(EVENTS), "--workers", workers)
     wait_for(lambda: stored_events(path) > 0)
     process.send_signal(number)
-    told, _ = process.communicate(timeout=60)
+    told, _ = process.communicate(timeout=600)
     assert process.returncode == 0
     assert told.startswith("interruption")
     events = int(told.split()[1])

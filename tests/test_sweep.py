@@ -127,7 +127,7 @@ def test_asked_to_stop_every_member_keeps_what_it_has(tmp_path, number):
         assert time.monotonic() < end
         time.sleep(0.01)
     process.send_signal(number)
-    told, _ = process.communicate(timeout=60)
+    told, _ = process.communicate(timeout=600)
     states = told.split()
     assert process.returncode == 0 and len(states) == 4
     assert states.count("interrupted") >= 1 and set(states) <= {"interrupted", "waiting", "done"}
@@ -138,7 +138,7 @@ def test_asked_to_stop_every_member_keeps_what_it_has(tmp_path, number):
 
 def test_a_dead_worker_fails_its_member_alone(tmp_path):
     process = start(tmp_path, 2, "deadly_in_one")
-    told, _ = process.communicate(timeout=120)
+    told, _ = process.communicate(timeout=600)
     assert told.split().count("failed") == 1 and told.split().count("done") == 3
     assert [row["why"] for row in index(tmp_path) if row["why"]] == [
         "its worker died: of lack of memory, or killed"
