@@ -176,12 +176,9 @@ class Population:
                 f"{[product.size for product in products]}"
             )
         from_first = [int(np.count_nonzero(np.asarray(m) < split)) for m in members]
-        kept: dict[int, int] = {}  # product -> place of the parent whose primaries it holds, all and no other
-        for k, product in enumerate(products):
-            if from_first[k] == product.size == parents[0].size:
-                kept[k] = first
-            elif from_first[k] == 0 and product.size == parents[1].size:
-                kept[k] = second
+        survivors = surviving(parents, products, members)
+        # Product -> place of the parent whose primaries it holds, all and no other.
+        kept = {k: place for k, place in zip(survivors, (first, second), strict=True) if k is not None}
 
         before = dict(zip((first, second), parents, strict=True))
         serial_of = {place: self.serials[place] for place in before}
@@ -191,8 +188,7 @@ class Population:
         placed = []
         for k, product in enumerate(products):
             if k in kept:
-                parent = before[kept[k]]
-                product = parent if _same(product, parent) else product
+                product = unless_same(product, before[kept[k]])
                 place = self.add(product, serial_of[kept[k]], kept[k])
             else:
                 place = self.add(product, place=vacated.pop(0) if vacated else None)
@@ -230,7 +226,21 @@ class Population:
         return population
 
 
-def _same(one: Aggregate, other: Aggregate) -> bool:
-    return one is other or (
-        np.array_equal(one.positions, other.positions) and np.array_equal(one.bonds, other.bonds)
-    )
+def surviving(
+    parents: Sequence[Aggregate], products: Sequence[Aggregate], members: Sequence[NDArray[np.integer]]
+) -> tuple[int | None, int | None]:
+    """For each of two parents, which product holds all its primary particles and no other, if there is one."""
+    found: list[int | None] = [None, None]
+    split = parents[0].size
+    for k, (product, member) in enumerate(zip(products, members, strict=True)):
+        if product.size == parents[0].size and np.all(np.asarray(member) < split):
+            found[0] = k
+        elif product.size == parents[1].size and np.all(np.asarray(member) >= split):
+            found[1] = k
+    return found[0], found[1]
+
+
+def unless_same(product: Aggregate, parent: Aggregate) -> Aggregate:
+    """The parent itself where the product does not differ from it in any bit, as a free primary particle never does."""
+    same = np.array_equal(product.positions, parent.positions) and np.array_equal(product.bonds, parent.bonds)
+    return parent if same else product

@@ -200,7 +200,14 @@ def run(
         crew = _crew(executor, workers)
         with crew as (pool, width):
             compute = executors.computation(scene, encounter, process.record.seed, pool)
-            foresight = Foresight(compute, pool, width, alone=isinstance(pool, executors.Here))
+            foresight = Foresight(
+                compute,
+                pool,
+                width,
+                process.population,
+                process.selection,
+                alone=isinstance(pool, executors.Here),
+            )
             writing = _Writing(process, path, foresight, checkpoint_every)
             pace = _Pace(process, until, events, started)
             writing.now()
@@ -218,7 +225,7 @@ def run(
                     continue
                 try:
                     with interruption.allowed():
-                        result = foresight.result(ahead, process.population)
+                        result = foresight.result(ahead)
                 except KeyboardInterrupt:
                     ended_by = "interruption"
                     continue
@@ -230,7 +237,7 @@ def run(
                             f"t = {process.time:.6g} s: continue with --resume, maybe on fewer workers"
                         ) from problem
                     raise
-                foresight.changed(process.encounter(ahead.meeting(0), result))
+                foresight.happened(process.encounter(ahead.meeting(0), result))
                 writing.if_due()
                 if progress is not None and pace.report_due():
                     progress(pace.report())

@@ -169,3 +169,11 @@ def deadly_in_one(
     if scene.flow.viscosity < 0.09 and seed.bit_generator.state["state"]["key"][0] % 5 == 0:
         os._exit(9)
     return aggregation_and_breakup(scene, first, second, seed)
+
+
+def restless(scene: Scene, first: Aggregate, second: Aggregate, seed: np.random.Generator) -> EncounterResult:
+    """Aggregates stretch and fold with every miss; mergers up to eight primary particles, then only misses."""
+    radius = scene.suspension.radius
+    if first.size + second.size <= 8 and seed.random() < 0.3:
+        return merged(first, second, radius)
+    return missed(*((chain if seed.random() < 0.5 else compact)(a.size, radius) for a in (first, second)))

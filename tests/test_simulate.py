@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +21,10 @@ import xarray as xr
 
 from mcdem import simulate
 from mcdem.errors import UserError
-from mcdem.executors import Here
-from mcdem.foresight import Foresight, independent
+from mcdem.foresight import BEGUN, PASSED, UNTOUCHED, Foresight, ready
+from mcdem.random_streams import stream
 from mcdem.record import differences
+from mcdem.simulate import Process
 
 EVENTS = 700
 SCRIPT = Path(__file__).with_name("run_synthetic.py")
@@ -135,13 +136,75 @@ def test_foresight_counts_what_it_computed_in_vain(tmp_path):
     assert 0 < in_vain(40, synthetic.aggregation_and_breakup)
 
 
-def test_encounters_ahead_share_no_aggregate_with_those_before_them():
-    first, second = np.array([0, 2, 1, 4, 5, 9]), np.array([1, 3, 2, 6, 4, 8])
-    assert independent(first, second, 10).tolist() == [True, True, False, True, False, True]
+class Scrambled(Executor):
+    """Finishes its tasks in random order; stands for the queue of finished futures too, whose `get` finishes one."""
+
+    def __init__(self, seed: int) -> None:
+        self._random = random.Random(seed)
+        self._tasks: list = []
+        self._finished: list = []
+
+    def submit(self, function, /, *arguments, **options):
+        future = Future()
+        self._tasks.append((future, function, arguments))
+        return future
+
+    def put(self, item) -> None:
+        self._finished.append(item)
+
+    def empty(self) -> bool:
+        return not self._finished
+
+    def get(self):
+        while not self._finished:
+            future, function, arguments = self._tasks.pop(self._random.randrange(len(self._tasks)))
+            if future.set_running_or_notify_cancel():
+                future.set_result(function(*arguments))
+        return self._finished.pop(0)
 
 
-def test_nothing_is_computed_ahead_in_this_process():
-    assert Foresight(lambda: None, Here(), 1, alone=True).depth == 1
+@pytest.mark.parametrize("workers", [1, 3, 20])
+@pytest.mark.parametrize("encounter", [synthetic.aggregation_and_breakup, synthetic.restless])
+def test_the_order_in_which_encounters_are_done_does_not_matter(encounter, workers):
+    def follow(process: Process, result) -> list[bytes]:
+        for _ in range(600):
+            ahead = process.selection.ahead(foresight.depth if result else 1)
+            process_result = result(ahead) if result else compute_first(process, ahead)
+            foresight.happened(process.encounter(ahead.meeting(0), process_result))
+        process.record.snapshots.append(process.time, process.population)
+        tables = (
+            process.record.series,
+            process.record.products,
+            process.record.snapshots.geometries.primaries,
+        )
+        return [table[name].tobytes() for table in tables for name in table.variables]
+
+    def compute(first, second, epoch, number):
+        return encounter(scene, first, second, seed=stream(7, "encounter", epoch, number))
+
+    def compute_first(process: Process, ahead):
+        meeting = ahead.meeting(0)
+        at = process.population.at
+        return compute(at(meeting.first), at(meeting.second), meeting.epoch, meeting.number)
+
+    scene = synthetic.scene(**synthetic.SMALL)
+    histories = []
+    for ahead_of_time in (False, True):
+        process, pool = Process.begin(scene, 7, ()), Scrambled(workers)
+        foresight = Foresight(compute, pool, workers, process.population, process.selection, finished=pool)
+        histories.append(follow(process, foresight.result if ahead_of_time else None))
+    foresight.close()
+    assert histories[0] == histories[1]
+    assert foresight.computed == 600 + foresight.in_vain
+    assert foresight.in_vain > 0 or workers == 1
+
+
+def test_encounters_whose_aggregates_are_known_can_begin():
+    first, second = np.array([0, 2, 1, 4, 5, 9, 0]), np.array([1, 3, 2, 6, 4, 8, 3])
+    none = np.full(7, UNTOUCHED, dtype=np.int8)
+    assert ready(first, second, none, 10).tolist() == [True, True, False, True, False, True, False]
+    some = np.array([PASSED, PASSED, 0, BEGUN, 0, 0, 0], dtype=np.int8)
+    assert ready(first, second, some, 10).tolist() == [False, False, True, False, False, True, True]
 
 
 # Stops

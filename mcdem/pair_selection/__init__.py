@@ -72,6 +72,9 @@ class PairSelection(Protocol):
     def happened(self, meeting: Meeting, changed: Iterable[int]) -> None:
         """The first of those ahead took place and changed what these places of the population hold."""
 
+    def stays(self, place: int, outer_radius: float) -> bool:
+        """Whether the encounters ahead of a place would mostly stand if its aggregate became so large [m]."""
+
     def doubled(self, time: float) -> None:
         """The population was doubled at `time` [s]."""
 

@@ -180,24 +180,38 @@ class Clocks:
         tested = self._first_block * BLOCK + self._cursor
         return tested > PATIENCE * (self._encounters + self.population.number) + BLOCK
 
+    def stays(self, place: int, outer_radius: float) -> bool:
+        slot = int(self._slot[place])
+        return slot >= 0 and self._fits(self._class_of(slot), outer_radius)
+
+    def _class_of(self, slot: int) -> int:
+        return int(np.searchsorted(self._base, slot, side="right")) - 1
+
+    def _fits(self, size_class: int, outer_radius: float) -> bool:
+        """Whether an aggregate may keep its slot: outer radii go up and down, and not every time need it move."""
+        smaller = size_class - CLASSES_PER_DOUBLING
+        return (smaller < 0 or self.bounds[smaller] < outer_radius) and outer_radius <= self.bounds[
+            size_class
+        ]
+
     def _settle(self, place: int) -> bool:
         """Give the aggregate at `place` a slot of its class, or free the slot it had; False if there is none left."""
         radius = self.population.outer_radii[place]
         if place >= len(self._slot):
             self._slot = np.concatenate([self._slot, np.full(place + 1, -1)])
         slot = self._slot[place]
-        size_class = int(np.searchsorted(self.bounds, radius)) if radius > 0.0 else -1
         if slot >= 0:
-            held = int(np.searchsorted(self._base, slot, side="right")) - 1
-            if held == size_class:
+            held = self._class_of(slot)
+            if radius > 0.0 and self._fits(held, radius):
                 self._radius[slot] = radius
                 return True
             self._radius[slot] = -np.inf
             self._place[slot] = -1
             self._slot[place] = -1
             heapq.heappush(self._free[held], int(slot))
-        if size_class < 0:
+        if radius == 0.0:
             return True
+        size_class = int(np.searchsorted(self.bounds, radius))
         if not self._free[size_class]:
             return False
         slot = heapq.heappop(self._free[size_class])

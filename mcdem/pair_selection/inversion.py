@@ -75,6 +75,9 @@ class Inversion:
             for place in changed:
                 self._update(place)
 
+    def stays(self, place: int, outer_radius: float) -> bool:
+        return False
+
     def doubled(self, time: float) -> None:
         self.time = time
         self._fill()
