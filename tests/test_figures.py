@@ -85,6 +85,8 @@ def test_initial_slope_is_that_of_equation_22():
     """4/pi x 0.078 x 1e-4 x 1e4 1/s at 750 Pa."""
     numbers = next(f.numbers for f in figures_of([Run(small_runs()[0])]) if f.name.startswith("fig06a"))
     np.testing.assert_allclose(numbers["initial_slope"], 0.0993, rtol=1e-3)
+    # Ours, by `mcdem efficiency`, is a few per cent from the law there.
+    np.testing.assert_allclose(numbers["computed_slope"], numbers["initial_slope"], rtol=0.1)
 
 
 def test_moments_of_an_encounter_are_in_order():

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
+from .. import capture
+from ..errors import UserError
 from ..runs import Run
+from ..scene import Scene
 from . import paper
 from .figure import Figure, quantity
 from .style import BLACK, LINES, VERMILION, canvas, colour, note
@@ -75,25 +79,36 @@ def _lines(axes, numbers: xr.Dataset, name: str) -> None:
 
 
 def with_initial_trend(numbers: xr.Dataset, run: Run) -> xr.Dataset:
-    """Add the start of a run and the slope of Eq. 22 with the paper's eta_11 (Eq. 23)."""
+    """Add the start of a run and the slopes of Eq. 22 with the paper's eta_11 (Eq. 23) and with the computed one."""
     printed = paper.COLLISION_EFFICIENCY.items()
     efficiency = next((v for s, v in printed if paper.holds_for(run.scene, s)), van_de_ven_mason(run))
-    slope = 4 / np.pi * efficiency * run.scene.suspension.volume_fraction * run.scene.flow.shear_rate
+    slope = capture.initial_growth(run.scene, efficiency)
+    computed = capture.initial_growth(run.scene, computed_efficiency(run.scene))
     early = run.time <= initial_stretch(run)
     size, number = run.series["mean_size"].values[early], run.series["number_of_aggregates"].values[early]
     numbers["initial_time"] = quantity(run.time[early], "early", "s", "process time")
     numbers["initial_mean_size"] = quantity(size, "early", "1", "<P>")
     numbers["initial_primaries"] = quantity(size * number, "early", "1", "primaries in the sample volume")
     numbers["initial_slope"] = quantity(slope, (), "1/s", "d<P>/dt of Eq. 22 with eta_11 of Eq. 23")
+    numbers["computed_slope"] = quantity(
+        computed, (), "1/s", "d<P>/dt of Eq. 22 with eta_11 of the scene's encounters"
+    )
     return numbers
 
 
 def van_de_ven_mason(run: Run) -> float:
     """eta_11 of Eq. 23 with f = 0.95 (van de Ven & Mason 1977); NaN without van der Waals attraction."""
-    vdw, flow = run.scene.effects.van_der_waals, run.scene.flow
-    if vdw is None:
+    return capture.van_de_ven_mason(run.scene)
+
+
+@cache
+def computed_efficiency(scene: Scene) -> float:
+    """eta_11 of two primaries of the scene, by implicit steps, to half a per cent; NaN where nothing sticks."""
+    implicit = scene.numerics.model_copy(update={"scheme": "implicit"})
+    try:
+        return capture.pair_efficiency(scene.model_copy(update={"numerics": implicit}), rays=4).efficiency
+    except UserError:
         return float("nan")
-    return 0.95 * (vdw.hamaker_constant / (36 * np.pi * flow.shear_stress * run.radius**3)) ** 0.18
 
 
 def initial_stretch(run: Run) -> float:
@@ -112,14 +127,17 @@ def mean_size(runs: Sequence[Run]) -> Figure:
 
 def draw_initial_trend(axes, numbers: xr.Dataset, label: str) -> None:
     """The start of <P>(t), Eq. 22's line, and the scatter that chance alone gives it."""
-    t, slope = numbers["initial_time"].values, float(numbers["initial_slope"])
+    t, slope = numbers["initial_time"].values, float(numbers["computed_slope"])
     axes.plot(t, numbers["initial_mean_size"], color=BLACK, lw=0.8, label=label)
+    if np.isfinite(float(numbers["initial_slope"])):
+        law = 1 + float(numbers["initial_slope"]) * t
+        axes.plot(t, law, ":", color=BLACK, lw=0.8, label=r"Eq. 22, $\eta_{11}$ of Eq. 23")
     if np.isfinite(slope):
         expected = 1 + slope * t
         # <P> = P_tot/(P_tot - n): Poisson scatter of the n aggregations that it takes to get there
         total = numbers["initial_primaries"].values
         scatter = expected**2 * np.sqrt(total * (1 - 1 / expected)) / total
-        axes.plot(t, expected, "--", color=VERMILION, lw=0.8, label=r"Eq. 22, $\eta_{11}$ of Eq. 23")
+        axes.plot(t, expected, "--", color=VERMILION, lw=0.8, label=r"Eq. 22, $\eta_{11}$ computed")
         axes.fill_between(
             t, expected - 2 * scatter, expected + 2 * scatter, color=VERMILION, alpha=0.15, lw=0
         )
@@ -211,14 +229,17 @@ def draw_course(numbers: xr.Dataset) -> Canvas:
     figure, (above, below) = canvas(height=4.0, nrows=2, sharex=True)
     above.plot(numbers["time"], numbers["mean_size"], color=BLACK, lw=0.8)
     early = numbers["mean_size"].values[np.isfinite(numbers["mean_size"].values)]
-    slope, end = float(numbers["initial_slope"]), float(numbers["time"].max())
+    end = float(numbers["time"].max())
     top = 1.15 * float(early.max())
-    if np.isfinite(slope):
-        reach = min(end, (top - 1) / slope)
-        above.plot(
-            [0, reach], [1, 1 + slope * reach], "--", color=VERMILION, label=r"Eq. 22, $\eta_{11}$ of Eq. 23"
-        )
-        above.legend(loc="lower right")
+    for name, line, tone, words in (
+        ("initial_slope", ":", BLACK, r"Eq. 22, $\eta_{11}$ of Eq. 23"),
+        ("computed_slope", "--", VERMILION, r"Eq. 22, $\eta_{11}$ computed"),
+    ):
+        slope = float(numbers[name])
+        if np.isfinite(slope):
+            reach = min(end, (top - 1) / slope) if slope > 0 else end
+            above.plot([0, reach], [1, 1 + slope * reach], line, color=tone, label=words)
+            above.legend(loc="lower right")
     above.set_ylabel(r"mean size  $\langle P\rangle$")
     above.set_ylim(0, top)
     above.set_title(f"{float(numbers['stress']):.4g} Pa, {int(numbers['events'])} encounters")
