@@ -148,6 +148,14 @@ def slow_aggregation_and_breakup(
     return aggregation_and_breakup(scene, first, second, seed)
 
 
+def unhurried_aggregation_and_breakup(
+    scene: Scene, first: Aggregate, second: Aggregate, seed: np.random.Generator
+) -> EncounterResult:
+    """The same at a pace that leaves seconds to be interrupted, on a busy machine too."""
+    time.sleep(25e-3)
+    return aggregation_and_breakup(scene, first, second, seed)
+
+
 def broken(scene: Scene, first: Aggregate, second: Aggregate, seed: np.random.Generator) -> EncounterResult:
     """A defect that shows itself at the first contact of three."""
     if first.size + second.size > 2:

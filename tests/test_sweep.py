@@ -121,7 +121,7 @@ def start(folder: Path, workers: int, encounter: str) -> subprocess.Popen[str]:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_asked_to_stop_every_member_keeps_what_it_has(tmp_path, number):
-    process = start(tmp_path, 2, "slow_aggregation_and_breakup")
+    process = start(tmp_path, 2, "unhurried_aggregation_and_breakup")
     end = time.monotonic() + 60.0
     while len(list(tmp_path.glob("*.nc"))) < 2:
         assert time.monotonic() < end
