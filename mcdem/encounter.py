@@ -14,6 +14,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+import threadpoolctl
 
 from mcdem.aggregate import Aggregate, split
 from mcdem.errors import SceneError, UserError
@@ -165,6 +166,12 @@ def shortcuts_of(scene: Scene) -> Shortcuts:
     )
 
 
+@lru_cache(maxsize=1)
+def _linear_algebra() -> threadpoolctl.ThreadpoolController:
+    """Holds the linear algebra to one thread: many for matrices this small wait for each other, up to a hundredfold."""
+    return threadpoolctl.ThreadpoolController()
+
+
 def draw_offset(reach: float, rng: np.random.Generator) -> tuple[float, float]:
     """Where the centre of j crosses the circle of radius `reach` [m], by the flux g y (paper, Fig. 3).
 
@@ -216,7 +223,8 @@ def simulate_encounter(
     if not (math.isfinite(x0) and math.isfinite(y0)):
         raise UserError(f"offset: ({x0}, {y0}) m, expected two finite lengths in metres")
     z0 = -math.copysign(scene.numerics.start_distance * reach, y0)
-    positions = np.concatenate([pair[0].positions, pair[1].positions + [x0, y0, z0]])
+    # In the order of rows whatever the parents' layout: the compiled code exists for one layout only.
+    positions = np.ascontiguousarray(np.concatenate([pair[0].positions, pair[1].positions + [x0, y0, z0]]))
     sizes = [a.size for a in pair]
     bonded = np.zeros((sum(sizes), sum(sizes)), bool)
     bonded[: sizes[0], : sizes[0]] = pair[0].contact_network()
@@ -237,18 +245,19 @@ def simulate_encounter(
     log = state.new_log()
     frames = _frames(record, strain, sum(sizes)) if record is not None else None
     started = time.process_time()
-    code = integrate(
-        motion,
-        flow,
-        physics,
-        implicit,
-        paper,
-        shortcuts_of(scene),
-        log,
-        frames,
-        strain,
-        scene.numerics.most_steps,
-    )
+    with _linear_algebra().limit(limits=1):
+        code = integrate(
+            motion,
+            flow,
+            physics,
+            implicit,
+            paper,
+            shortcuts_of(scene),
+            log,
+            frames,
+            strain,
+            scene.numerics.most_steps,
+        )
     cpu_time = time.process_time() - started
     if record is not None and frames is not None:
         _keep(record, frames, units, parent)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import threadpoolctl
 import two_spheres
 from scipy import stats
 from shapes import stack_of_octahedra, tetrahedron
@@ -16,6 +17,7 @@ import mcdem
 from mcdem.effects import contact_force
 from mcdem.encounter import OUTCOMES, classify, draw_offset
 from mcdem.errors import UserError
+from mcdem.stepping.integrate import integrate
 
 PAPER = mcdem.load_scene("scenes/paper-1000Pa.toml")
 RADIUS, RATE, UNITS = PAPER.suspension.radius, PAPER.flow.shear_rate, PAPER.reduced
@@ -337,6 +339,33 @@ def test_what_is_no_aggregate_is_refused(positions, words):
 def test_offsets_that_are_no_numbers_are_refused():
     with pytest.raises(UserError, match=r"offset: .* expected two finite lengths"):
         mcdem.simulate_encounter(PAPER, MONOMER, MONOMER, (math.nan, 0.0), seed=0)
+
+
+def test_the_layout_of_positions_in_memory_does_not_matter():
+    """Neither to the result nor to the compiler, which would take a minute for another layout."""
+    shape = settled(tetrahedron)
+    by_columns = mcdem.Aggregate(np.asfortranarray(shape.positions), shape.bonds)
+    rows = encounter(PAPER, shape, shape, (0.5, 1.5), orient=False)
+    compiled = len(integrate.signatures)
+    columns = encounter(PAPER, by_columns, by_columns, (0.5, 1.5), orient=False)
+    assert len(integrate.signatures) == compiled
+    assert np.array_equal(rows.centres, columns.centres)
+
+
+def test_linear_algebra_runs_on_one_thread(monkeypatch):
+    """Whoever calls: on a busy machine, threads that wait for each other cost up to a hundredfold."""
+    seen = []
+
+    def spy(*arguments):
+        seen.extend(library["num_threads"] for library in threadpoolctl.threadpool_info())
+        return integrate(*arguments)
+
+    monkeypatch.setattr("mcdem.encounter.integrate", spy)
+    with threadpoolctl.threadpool_limits(limits=2):
+        encounter(PAPER, offset=(0.0, 1.9))
+        after = {library["num_threads"] for library in threadpoolctl.threadpool_info()}
+    assert seen and set(seen) == {1}
+    assert after == {2}
 
 
 def test_recording_does_not_change_an_encounter():
