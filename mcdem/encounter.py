@@ -21,8 +21,9 @@ from mcdem.errors import SceneError, UserError
 from mcdem.hydrodynamics.far_field import tensor_to_five
 from mcdem.hydrodynamics.two_sphere import lubrication_table
 from mcdem.stepping import state
+from mcdem.stepping.frames import Frames, new_frames
 from mcdem.stepping.implicit import ImplicitOptions
-from mcdem.stepping.integrate import Shortcuts, integrate
+from mcdem.stepping.integrate import Course, Shortcuts, integrate
 from mcdem.stepping.paper_euler import PaperOptions
 
 if TYPE_CHECKING:
@@ -243,21 +244,13 @@ def simulate_encounter(
     flow, physics = physics_of(scene)
     implicit, paper = scheme_of(scene)
     log = state.new_log()
-    frames = _frames(record, strain, sum(sizes)) if record is not None else None
+    frames = new_frames(record.interval, strain, sum(sizes)) if record is not None else None
+    course = Course(
+        flow, physics, implicit, paper, shortcuts_of(scene), log, strain, scene.numerics.most_steps, frames
+    )
     started = time.process_time()
     with _linear_algebra().limit(limits=1):
-        code = integrate(
-            motion,
-            flow,
-            physics,
-            implicit,
-            paper,
-            shortcuts_of(scene),
-            log,
-            frames,
-            strain,
-            scene.numerics.most_steps,
-        )
+        code = integrate(motion, course)
     cpu_time = time.process_time() - started
     if record is not None and frames is not None:
         _keep(record, frames, units, parent)
@@ -314,18 +307,7 @@ def classify(members: tuple[NDArray[np.intp], ...], size_i: int, contact: bool) 
     return "parted" if contact else "missed"
 
 
-def _frames(record: Recorder, strain: float, n: int) -> state.Frames:
-    count = math.ceil(strain / record.interval) + 2
-    return state.Frames(
-        record.interval,
-        np.zeros(n, np.int64),
-        record.interval * np.arange(count),
-        np.zeros((count, n, 3)),
-        np.full((count, n, n), np.nan),
-    )
-
-
-def _keep(record: Recorder, frames: state.Frames, units, parent: NDArray[np.int64]) -> None:
+def _keep(record: Recorder, frames: Frames, units, parent: NDArray[np.int64]) -> None:
     count = int(frames.written.min())
     record.time = frames.time[:count] * units.time
     record.positions = frames.positions[:count] * units.length

@@ -11,7 +11,7 @@ from mcdem.aggregate import overlap_limit
 from mcdem.encounter import physics_of
 from mcdem.errors import UserError
 from mcdem.hydrodynamics.far_field import five_to_tensor
-from mcdem.hydrodynamics.stokesian import solve_velocities
+from mcdem.hydrodynamics.stokesian import solve_velocities, workspace
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -65,6 +65,7 @@ def velocities(
     flow, physics = physics_of(scene)
     five = np.empty((len(x), 5))
     code, linear, angular = solve_velocities(
+        workspace(len(x)),
         x / units.length,
         np.ones(len(x)),
         flow.gradient,

@@ -187,6 +187,7 @@ def rotated_velocities(positions, forces, torques, turn, cutoff):
     far_field.tensor_to_five(strain, five)
     stresslet = np.empty((len(positions), 5))
     code, linear, angular = stokesian.solve_velocities(
+        stokesian.workspace(len(positions)),
         positions @ turn.T,
         np.ones(len(positions)),
         gradient,

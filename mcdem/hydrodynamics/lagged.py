@@ -27,8 +27,7 @@ class Lagged(NamedTuple):
     together: np.ndarray  # (N,) work space
 
 
-@njit(cache=True)
-def new_lagged(n):
+def new_lagged(n: int) -> Lagged:
     """Nothing kept yet."""
     return Lagged(
         np.zeros(1, np.bool_),

@@ -43,8 +43,7 @@ class Work(NamedTuple):
     distances: np.ndarray  # (N, N) centre distance
 
 
-@njit(cache=True)
-def workspace(n):
+def workspace(n: int) -> Work:
     """Work arrays for n spheres."""
     return Work(
         np.empty((11 * n, 11 * n)),
@@ -188,16 +187,15 @@ def stresslets(work, radii, rates, strain_five, cutoff, table, out):
 
 @njit(cache=True)
 def solve_velocities(
-    positions, radii, gradient, strain, strain_five, forces, torques, cutoff, shifted, table, stresslet
+    work, positions, radii, gradient, strain, strain_five, forces, torques, cutoff, shifted, table, stresslet
 ):
-    """Velocities of free spheres under given forces and torques; reduced units.
+    """Velocities of free spheres under given forces and torques; reduced units.  work : `workspace` of N
 
     positions (N, 3), radii (N,), gradient (3, 3) with u_inf = gradient . r, strain its symmetric part, forces and
     torques (N, 3); `stresslet` (N, 5) is filled with what the fluid exerts on the spheres; `table` None leaves
     out lubrication.  Returns (code, linear (N, 3), angular (N, 3)).
     """
     n = positions.shape[0]
-    work = workspace(n)
     linear = np.empty((n, 3))
     angular = np.empty((n, 3))
     measure(positions, work.directions, work.distances)

@@ -38,6 +38,42 @@ def label_bodies(bonded, labels):
 
 
 @njit(cache=True)
+def centre_and_reach(positions, radii, labels, body, centre):
+    """Centre (3,) of one body; returns its outer radius."""
+    members = 0
+    centre[:] = 0.0
+    for i in range(radii.shape[0]):
+        if labels[i] == body:
+            members += 1
+            for k in range(3):
+                centre[k] += positions[i, k]
+    for k in range(3):
+        centre[k] /= members
+    reach = 0.0
+    for i in range(radii.shape[0]):
+        if labels[i] == body:
+            r = 0.0
+            for k in range(3):
+                r += (positions[i, k] - centre[k]) ** 2
+            reach = max(reach, np.sqrt(r) + radii[i])
+    return reach
+
+
+@njit(cache=True)
+def mean_velocity(velocities, labels, body, out):
+    """Mean velocity (3,) of one body."""
+    members = 0
+    out[:] = 0.0
+    for i in range(labels.shape[0]):
+        if labels[i] == body:
+            members += 1
+            for k in range(3):
+                out[k] += velocities[i, k]
+    for k in range(3):
+        out[k] /= members
+
+
+@njit(cache=True)
 def rigid_fit(positions, velocities, labels, body, fit):
     """Centre, mean velocity and least-squares angular velocity of one body into fit (3, 3)."""
     fit[:] = 0.0

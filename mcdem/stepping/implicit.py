@@ -79,8 +79,7 @@ class Scratch(NamedTuple):
     normals: np.ndarray  # (B, 3)
 
 
-@njit(cache=True)
-def scratch(n):
+def scratch(n: int) -> Scratch:
     """Work arrays for n primaries."""
     return Scratch(
         stokesian.workspace(n),
@@ -188,7 +187,7 @@ def middle_geometry(motion, history, labels, bodies, gaps, step, options, work):
             work.gaps[i, j] = work.gaps[j, i] = hydro.distances[i, j] - touching
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def drive_at_middle(motion, flow, physics, labels, bodies, lag, work):
     """Resistance A of torque-free spheres and everything that drives them but contacts; 0 or an error code."""
     n = motion.radii.shape[0]
@@ -333,7 +332,7 @@ def worst_overstretch(contacts, radii, jkr, dmt, work):
     return worst, excess
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def advance(motion, history, flow, physics, options, log, gaps, work, end_time):
     """One accepted step; gaps (N, N) are those now and are renewed.  Returns DONE or an error code."""
     jkr, dmt = physics.jkr, physics.dmt
@@ -347,7 +346,7 @@ def advance(motion, history, flow, physics, options, log, gaps, work, end_time):
     return attempt(motion, history, flow, physics, options, log, gaps, work, bodies, step, jkr, dmt)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def attempt(motion, history, flow, physics, options, log, gaps, work, bodies, step, jkr, dmt):
     """Try steps from `step` downwards until one is accepted."""
     radii, n = motion.radii, motion.radii.shape[0]

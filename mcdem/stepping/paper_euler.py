@@ -56,7 +56,7 @@ def eq20_step(motion, velocities, gaps, options):
     return step
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def advance_paper(motion, flow, physics, options, log, gaps, work, end_time):
     """One explicit step; gaps (N, N) are those now and are renewed.  Returns DONE or an error code."""
     n, radii = motion.radii.shape[0], motion.radii

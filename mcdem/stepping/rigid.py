@@ -146,9 +146,12 @@ def network_stiffness(positions, directions, pairs, slopes, count, stiffness):
 
 @njit(cache=True)
 def analyse(
-    positions, bonded, radii, cutoff, shifted, table, van_der_waals, double_layer, short_range, jkr, dmt
+    work, positions, bonded, radii, cutoff, shifted, table, van_der_waals, double_layer, short_range, jkr, dmt
 ):
-    """(RIGID, FLOPPY or FAILED, body) of one connected aggregate; positions (P, 3) about its centre, reduced units."""
+    """(RIGID, FLOPPY or FAILED, body) of one connected aggregate; positions (P, 3) about its centre, reduced units.
+
+    work : `stokesian.workspace` of P
+    """
     n = radii.shape[0]
     body = empty_body(n)
     if n == 1:
@@ -162,7 +165,6 @@ def analyse(
                 count += 1
     if count < 3 * n - 6 or count == 0:
         return FLOPPY, body
-    work = stokesian.workspace(n)
     stokesian.measure(positions, work.directions, work.distances)
     pairs = np.empty((count, 2), np.int64)
     slopes, rest, strength = np.empty(count), np.empty(count), np.empty(count)

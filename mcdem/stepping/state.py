@@ -11,6 +11,9 @@ import numpy as np
 from numba import njit
 
 DONE = 0
+PARTED = -1  # bodies recede from each other for good
+SETTLED = -2  # one body whose contacts have not changed for a while
+PAUSED = -3
 NOT_POSITIVE_DEFINITE = 1  # the resistance could not be factorised
 NOT_CONVERGED = 2  # the contact forces of a step could not be found, however small the step
 TOO_MANY_STEPS = 3
@@ -72,16 +75,6 @@ class Log(NamedTuple):
     skipped: np.ndarray  # time not followed primary by primary, over all parts
 
 
-class Frames(NamedTuple):
-    """Recorded states, one every `interval`."""
-
-    interval: float
-    written: np.ndarray  # (N,) count of frames of each primary
-    time: np.ndarray  # (F,)
-    positions: np.ndarray  # (F, N, 3)
-    tension: np.ndarray  # (F, N, N), nan where there is no contact
-
-
 def new_log() -> Log:
     """An empty log."""
     return Log(
@@ -134,8 +127,7 @@ def note_tension(motion, log, i, j, tension, time):
         log.largest_tension[0] = max(log.largest_tension[0], tension)
 
 
-@njit(cache=True)
-def new_history(motion):
+def new_history(motion: Motion) -> History:
     """No steps yet: extrapolation then uses the velocities given at the start."""
     n = motion.radii.shape[0]
     history = History(np.zeros(2), np.zeros((2, n, 3)), np.zeros((2, n, 3)), np.zeros((2, n, n)))
@@ -148,13 +140,16 @@ def new_history(motion):
 def remember(history, motion, before, gaps, step):
     """Push the step that led from positions `before` and `gaps` to those of `motion`."""
     history.steps[1] = history.steps[0]
-    history.positions[1] = history.positions[0]
-    history.velocities[1] = history.velocities[0]
-    history.gaps[1] = history.gaps[0]
     history.steps[0] = step
-    history.positions[0] = 0.5 * (before + motion.positions)
-    history.velocities[0] = motion.velocities
-    history.gaps[0] = gaps
+    for i in range(before.shape[0]):
+        for k in range(3):
+            history.positions[1, i, k] = history.positions[0, i, k]
+            history.velocities[1, i, k] = history.velocities[0, i, k]
+            history.positions[0, i, k] = 0.5 * (before[i, k] + motion.positions[i, k])
+            history.velocities[0, i, k] = motion.velocities[i, k]
+        for j in range(before.shape[0]):
+            history.gaps[1, i, j] = history.gaps[0, i, j]
+            history.gaps[0, i, j] = gaps[i, j]
 
 
 @njit(cache=True)
