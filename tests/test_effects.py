@@ -15,6 +15,8 @@ from mcdem.effects import (
     Effects,
     born,
     contact_equilibrium,
+    contact_force,
+    contact_gap,
     contact_pull_off_gap,
     dmt,
     double_layer,
@@ -111,6 +113,17 @@ def test_dmt_is_hertz_less_adhesion():
         hertz = 4 / 3 * 3.4e9 / (2 * 0.75) * np.sqrt(A / 2) * depth**1.5 / F0
         force = dmt.force(-depth / A, 1.0, kernel_)[0]
         assert force + kernel_.pull_off_force == pytest.approx(hertz, rel=1e-13)
+
+
+@pytest.mark.parametrize("law", ["jkr", "dmt"])
+@pytest.mark.parametrize("radius", [1.0, 0.3])
+@pytest.mark.parametrize("load", [-0.5, 0.0, 1.0, 100.0])
+def test_the_gap_of_a_loaded_contact_is_the_law_read_backwards(law, radius, load):
+    scene_ = scene(law)
+    kernels = scene_.effects.kernels(scene_)
+    gap = contact_gap(load, radius, kernels.jkr, kernels.dmt)
+    assert contact_force(gap, radius, kernels.jkr, kernels.dmt)[0] == pytest.approx(load, abs=1e-9)
+    assert contact_gap(load, radius, None, None) == -np.inf
 
 
 @pytest.mark.parametrize("radius", [0.3, 1.0, 1.6])

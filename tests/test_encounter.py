@@ -18,6 +18,7 @@ from mcdem.effects import contact_force
 from mcdem.encounter import OUTCOMES, classify, draw_offset
 from mcdem.errors import UserError
 from mcdem.stepping.integrate import integrate
+from mcdem.stepping.march import march
 
 PAPER = mcdem.load_scene("scenes/paper-1000Pa.toml")
 RADIUS, RATE, UNITS = PAPER.suspension.radius, PAPER.flow.shear_rate, PAPER.reduced
@@ -346,9 +347,9 @@ def test_the_layout_of_positions_in_memory_does_not_matter():
     shape = settled(tetrahedron)
     by_columns = mcdem.Aggregate(np.asfortranarray(shape.positions), shape.bonds)
     rows = encounter(PAPER, shape, shape, (0.5, 1.5), orient=False)
-    compiled = len(integrate.signatures)
+    compiled = len(march.signatures)
     columns = encounter(PAPER, by_columns, by_columns, (0.5, 1.5), orient=False)
-    assert len(integrate.signatures) == compiled
+    assert len(march.signatures) == compiled
     assert np.array_equal(rows.centres, columns.centres)
 
 

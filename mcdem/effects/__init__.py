@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple, Self
 
+import numpy as np
 from numba import njit
 from pydantic import model_validator
 
@@ -26,10 +27,12 @@ from mcdem.effects import twisting as twisting_law
 from mcdem.effects.born import Born
 from mcdem.effects.dmt import DMT, DMTKernel
 from mcdem.effects.dmt import force as dmt_force
+from mcdem.effects.dmt import gap as dmt_gap
 from mcdem.effects.double_layer import DoubleLayer, DoubleLayerKernel
 from mcdem.effects.double_layer import force as double_layer_force
 from mcdem.effects.jkr import JKR, JKRKernel
 from mcdem.effects.jkr import force as jkr_force
+from mcdem.effects.jkr import gap as jkr_gap
 from mcdem.effects.rods import Rods, RodsKernel
 from mcdem.effects.rolling import Rolling, RollingKernel
 from mcdem.effects.short_range import ShortRangeKernel
@@ -60,6 +63,7 @@ __all__ = [
     "VanDerWaals",
     "contact_equilibrium",
     "contact_force",
+    "contact_gap",
     "contact_pull_off_force",
     "contact_pull_off_gap",
     "contact_resistance",
@@ -159,6 +163,16 @@ def contact_force(h, radius, jkr, dmt):
     if dmt is not None:
         return dmt_force(h, radius, dmt)
     return 0.0, 0.0
+
+
+@njit(cache=True)
+def contact_gap(force, radius, jkr, dmt):
+    """Gap at which a contact bears `force`, compression > 0; without bound where there are no contacts."""
+    if jkr is not None:
+        return jkr_gap(force, radius, jkr)
+    if dmt is not None:
+        return dmt_gap(force, radius, dmt)
+    return -np.inf
 
 
 @njit(cache=True)

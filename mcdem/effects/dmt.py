@@ -74,3 +74,9 @@ def force(h, radius, p):
         return -pull_off_force, 0.0
     slope = p.modulus * radius * sqrt(-h / radius)
     return -slope * h - pull_off_force, -1.5 * slope
+
+
+@njit(cache=True)
+def gap(force, radius, p):
+    """Gap at which a contact bears `force` > -F_adh: the inverse of `force`."""
+    return -(((force + p.pull_off_force * radius) / (p.modulus * sqrt(radius))) ** (2.0 / 3.0))

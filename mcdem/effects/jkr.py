@@ -107,3 +107,11 @@ def force(h, radius, p):
         4.0 * pull_off_force * cube * (cube - 1.0),
         -9.0 * c * y * y / (6.0 * cube - 1.0) * (pull_off_force / indentation),
     )
+
+
+@njit(cache=True)
+def gap(force, radius, p):
+    """Gap at which a contact bears `force` > -F_adh: the inverse of `force`, Eq. 13 as it stands."""
+    growth = radius ** (1.0 / 3.0) if radius != 1.0 else 1.0
+    cube = 0.5 * (1.0 + sqrt(1.0 + force / (p.pull_off_force * radius)))
+    return p.indentation * growth * cube ** (1.0 / 3.0) * (4.0 - 6.0 * cube) / 3.0

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mcdem.effects import contact_equilibrium, contact_force, contact_pull_off_gap
+from mcdem.effects import contact_equilibrium, contact_force, contact_gap, contact_pull_off_gap
 from mcdem.hydrodynamics import lagged, stokesian
 from mcdem.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
 from mcdem.stepping.bodies import extrapolate, label_bodies
@@ -378,6 +378,10 @@ def attempt(motion, history, flow, physics, options, log, gaps, work, bodies, st
                     continue
                 room = 2.5 * (options.gap_fraction * max(gaps[i, j], 0.0) + options.gap_floor)
                 if abs(work.end_gaps[i, j] - gaps[i, j]) > room:
+                    reject = True
+                # A contact is made no deeper than it bears the drag of a sphere: stiff ones would start far beyond.
+                deepest = contact_gap(1.0, harmonic_radius(radii[i], radii[j]), jkr, dmt)
+                if work.end_gaps[i, j] < min(gaps[i, j], 0.0) + deepest:
                     reject = True
         if reject:
             step *= 0.5
