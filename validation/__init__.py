@@ -1,0 +1,1 @@
+"""Claims about the toolkit, each with its verdict."""

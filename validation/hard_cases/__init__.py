@@ -1,0 +1,8 @@
+"""Hard cases: what breaks codes of this kind, each with what a user would do to meet it, held against stated laws.
+
+    python -m validation.hard_cases                 the whole catalogue
+    python -m validation.hard_cases --quick         what takes seconds
+    python -m validation.hard_cases NAME...         some of it
+
+`catalogue` lists the cases as data, `laws` holds one function a law, `case` brings them together.
+"""
