@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import threadpoolctl
-import two_spheres
 from scipy import stats
 from shapes import stack_of_octahedra, tetrahedron
 
@@ -19,6 +18,7 @@ from mcdem.encounter import OUTCOMES, classify, draw_offset
 from mcdem.errors import UserError
 from mcdem.stepping.integrate import integrate
 from mcdem.stepping.march import march
+from validation.exact import two_spheres
 
 PAPER = mcdem.load_scene("scenes/paper-1000Pa.toml")
 RADIUS, RATE, UNITS = PAPER.suspension.radius, PAPER.flow.shear_rate, PAPER.reduced

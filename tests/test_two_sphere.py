@@ -2,42 +2,20 @@
 
 from __future__ import annotations
 
-import mpmath
 import numpy as np
 import pytest
 
 from mcdem.hydrodynamics import two_sphere
 from mcdem.hydrodynamics.pair_tensors import STRAIN_BASIS
 from mcdem.hydrodynamics.twin_multipoles import FUNCTIONS, P1, _logarithm_coefficients, _moments, series
+from validation.exact import point_forces
+from validation.exact.bispherical import drag_along_the_line
 
 RATIOS = (1.0, 0.5, 3.0)
 DIRECTION = np.array([1.0, -2.0, 0.5])
-PERMUTATION = np.array(
-    [[[(i - j) * (j - k) * (k - i) / 2 for k in range(3)] for j in range(3)] for i in range(3)]
-)
 
 
 # Truths
-
-
-def drag_along_the_line(gap: float) -> tuple[float, float]:
-    """Stokes factors of two equal spheres in opposite and in the same motion.
-
-    Brenner, Chem. Eng. Sci. 16 (1961) 242 (a free surface stands for the other sphere), and Stimson & Jeffery, Proc. R.
-    Soc. A 111 (1926) 110.
-    """
-    with mpmath.workdps(40):
-        alpha = mpmath.acosh(1 + mpmath.mpf(gap) / 2)
-        opposite = same = mpmath.mpf(0)
-        for n in range(1, int(22 / alpha) + 40):
-            h = 2 * n + 1
-            weight = mpmath.mpf(n * (n + 1)) / ((2 * n - 1) * (2 * n + 3))
-            odd = 4 * mpmath.cosh(h * alpha / 2) ** 2 + h**2 * mpmath.sinh(alpha) ** 2
-            even = 4 * mpmath.sinh(h * alpha / 2) ** 2 - h**2 * mpmath.sinh(alpha) ** 2
-            opposite += weight * (odd / (2 * mpmath.sinh(h * alpha) - h * mpmath.sinh(2 * alpha)) - 1)
-            same += weight * (1 - even / (2 * mpmath.sinh(h * alpha) + h * mpmath.sinh(2 * alpha)))
-        factor = 4 * mpmath.sinh(alpha) / 3
-        return float(factor * opposite), float(factor * same)
 
 
 @pytest.mark.parametrize(
@@ -109,46 +87,12 @@ def test_force_that_holds_a_touching_pair_together():
 # An independent twin
 
 
-def sphere_points(n: int) -> np.ndarray:
-    """(n, 3) points spread evenly over the unit sphere."""
-    i = np.arange(n) + 0.5
-    z, angle = 1 - 2 * i / n, np.pi * (1 + np.sqrt(5)) * i
-    return np.stack([np.sqrt(1 - z**2) * np.cos(angle), np.sqrt(1 - z**2) * np.sin(angle), z], axis=1)
-
-
-def collocated_resistance(
-    direction, gap: float, ratio: float, sources: int = 250, depth: float = 0.5
-) -> np.ndarray:
-    """(22, 22) resistance from point forces inside the spheres that meet all unit motions on the surfaces."""
-    radii, points = np.array([1.0, ratio]), 2 * sources
-    centres = np.outer([0.0, 1 + ratio + gap], direction / np.linalg.norm(direction))
-    inner, outer = depth * sphere_points(sources), sphere_points(points)
-    places = np.concatenate([c + a * inner for c, a in zip(centres, radii)])
-    surface = np.concatenate([c + a * outer for c, a in zip(centres, radii)])
-    x = surface[:, None] - places[None]
-    r = np.linalg.norm(x, axis=-1)[..., None, None]
-    oseen = 0.75 * (np.eye(3) / r + x[..., :, None] * x[..., None, :] / r**3)
-    velocity = np.zeros((2, points, 3, 22))
-    moment = np.zeros((22, 2, sources, 3))
-    for k, a in enumerate(radii):
-        u, spin, strain = (
-            slice(first + width * k, first + width * (k + 1)) for first, width in ((0, 3), (6, 3), (12, 5))
-        )
-        velocity[k, :, :, u] = np.eye(3)
-        velocity[k, :, :, spin] = np.einsum("ijk,pk->pij", PERMUTATION, a * outer)
-        velocity[k, :, :, strain] = np.einsum("bij,pj->pib", STRAIN_BASIS, a * outer)
-        moment[u, k] = np.eye(3)[:, None, :]
-        moment[spin, k] = np.einsum("ijk,pj->ipk", PERMUTATION, a * inner)
-        moment[strain, k] = np.einsum("bij,pj->bpi", STRAIN_BASIS, a * inner)
-    matrix = oseen.transpose(0, 2, 1, 3).reshape(6 * points, 6 * sources)
-    forces = np.linalg.lstsq(matrix, velocity.reshape(6 * points, 22), rcond=1e-13)[0]
-    return moment.reshape(22, -1) @ forces
-
-
 @pytest.mark.parametrize(("gap", "ratio", "accuracy"), [(1.0, 0.5, 1e-6), (0.6, 1.0, 2e-5)])
 def test_every_function_agrees_with_collocation(gap, ratio, accuracy):
     resistance = two_sphere.resistance_matrix(DIRECTION, gap, ratio)
-    assert collocated_resistance(DIRECTION, gap, ratio) == pytest.approx(resistance, abs=accuracy)
+    along = DIRECTION / np.linalg.norm(DIRECTION)
+    collocated = point_forces.resistance(np.outer([0.0, 1 + ratio + gap], along), [1.0, ratio])
+    assert collocated == pytest.approx(resistance, abs=accuracy)
 
 
 # Laws

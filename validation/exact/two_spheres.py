@@ -26,7 +26,9 @@ def mobility_functions():
     exact = two_sphere.exact(gaps)
     values = np.empty((len(gaps), 3))
     for k, gap in enumerate(gaps):
-        resistance = pair_tensors.assemble([0, 0, 1.0], {name: value[k] for name, value in exact.items()})
+        resistance = pair_tensors.assemble(
+            np.array([0, 0, 1.0]), {name: value[k] for name, value in exact.items()}
+        )
         for column, (component, axis) in enumerate(
             [(1, 2), (3, 0)]
         ):  # uniaxial about z; in the plane of x and z
@@ -45,6 +47,7 @@ def mobility_functions():
 
 
 def relative_velocity(r, force):
+    """dr/dt (3,) at separation r (3,)."""
     distance = np.sqrt(r @ r)
     gap = max(distance - 2.0, NEAREST)
     one_minus_a, b, g = mobility_functions()(np.log(gap))
@@ -68,7 +71,8 @@ def trajectory(x0, y0, z0=-10.0, leave=10.0, duration=400.0, force=lambda gap: 0
     def pass_by(_, r):
         return r[2] - leave
 
-    meet.terminal = pass_by.terminal = True
+    for event in (meet, pass_by):
+        event.terminal = True  # type: ignore[attr-defined]
     solution = solve_ivp(
         lambda _, r: relative_velocity(r, force),
         (0.0, duration),

@@ -1,0 +1,293 @@
+"""The validation package: what a verdict is, what is reused, what is written, and that no case passes by construction."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mcdem.errors import UserError
+from mcdem.executors import Here, local_processes
+from validation import broken, origin, report
+from validation import case as cases_of
+from validation.__main__ import chosen
+from validation.case import Case, Check, Context, Findings, Verdict, below, cannot_say, near, shown
+from validation.run import Outcome, run
+
+ROOT = Path(__file__).parent.parent
+ALL = cases_of.names()
+
+# What takes more than a few seconds, broken, is left to `-m slow`.
+CHEAP = {
+    "batchelor_green_mobility": ("strain_sign", "no_lubrication", "delta_moved"),
+}
+
+
+def keep_case(monkeypatch, name, case):
+    """Let a case be known that has no file."""
+    monkeypatch.setattr(cases_of, "load", lambda _: case)
+    monkeypatch.setattr("validation.run.load", lambda _: case)
+    object.__setattr__(case, "name", name)
+    return case
+
+
+# Verdicts
+
+
+@pytest.mark.parametrize(
+    ("check", "verdict"),
+    [
+        (near("x", 1.01, 1.0, rel=0.02), "agrees"),
+        (near("x", 1.03, 1.0, rel=0.02), "differs"),
+        (near("x", -1.03, -1.0, rel=0.02), "differs"),
+        (near("x", 1.01, 1.0, rel=0.02, error=0.015), "cannot say"),
+        (near("x", 1.05, 1.0, rel=0.02, error=0.015), "differs"),
+        (near("x", 1.03, 1.0, rel=0.02, gap="known"), "known gap"),
+        (near("x", 1.01, 1.0, rel=0.02, gap="known"), "agrees"),
+        (near("x", math.nan, 1.0, rel=0.02, gap="known"), "cannot say"),
+        (below("x", 0.1, 0.2), "agrees"),
+        (below("x", 0.3, 0.2), "differs"),
+        (cannot_say("x", "no data"), "cannot say"),
+    ],
+)
+def test_a_verdict_weighs_deviation_error_and_tolerance(check, verdict):
+    assert check.verdict == verdict
+
+
+def test_a_case_comes_to_the_gravest_of_its_checks():
+    agrees, gap = near("x", 1, 1, abs=0.1), near("x", 2, 1, abs=0.1, gap="known")
+    unknown, differs = cannot_say("x", "no data"), near("x", 2, 1, abs=0.1)
+    orientation = shown("x", math.nan)
+    assert orientation.verdict is None
+    for several, verdict in (
+        ((agrees, orientation), "agrees"),
+        ((gap, agrees), "known gap"),
+        ((gap, unknown), "cannot say"),
+        ((differs, unknown, gap), "differs"),
+        ((), "cannot say"),
+    ):
+        assert Findings(several).verdict == verdict
+
+
+# Running
+
+
+def counting_case(tmp_path, **more):
+    """A case that leaves a mark each time it measures."""
+
+    def measure(context, argument):
+        with (tmp_path / "marks").open("a") as file:
+            file.write(f"{argument}\n")
+        if argument == "bad":
+            raise ArithmeticError("as asked")
+        return {"value": np.float64(argument), "quick": context.quick, "row": np.arange(2)}
+
+    def judge(context, numbers):
+        return Findings(tuple(near(label, n["value"], 1.0, abs=0.5) for label, n in numbers.items()))
+
+    fields = {
+        "chapter": 1,
+        "claim": "a claim | of two",
+        "source": "a source",
+        "tolerance": "a tolerance",
+        "parts": lambda context: {"one": 1, "two": 1.2},
+        "seen": (),
+    }
+    return Case(measure=measure, judge=judge, **(fields | more))
+
+
+def marks(tmp_path):
+    return (tmp_path / "marks").read_text().split()
+
+
+def test_numbers_are_reused_until_something_they_rest_on_changes(tmp_path, monkeypatch):
+    case = keep_case(monkeypatch, "drag_along_the_line", counting_case(tmp_path))
+    (first,) = run([case], tmp_path / "kept", Here())
+    assert (first.verdict, first.reused, first.parts) == ("agrees", 0, 2)
+    assert [c.quantity for c in first.findings.checks] == ["one", "two"]
+    (again,) = run([case], tmp_path / "kept", Here())
+    assert (again.reused, again.cpu) == (2, first.cpu)
+    assert len(marks(tmp_path)) == 2
+    run([case], tmp_path / "kept", Here(), quick=True)
+    assert len(marks(tmp_path)) == 4
+    run([case], tmp_path / "kept", Here(), fresh=True)
+    assert len(marks(tmp_path)) == 6
+    monkeypatch.setattr(origin, "_digest", lambda path: "edited")
+    run([case], tmp_path / "kept", Here())
+    assert len(marks(tmp_path)) == 8
+    # A spoilt file counts as none.
+    for path in (tmp_path / "kept").rglob("*.json"):
+        path.write_text(path.read_text()[:20])
+    run([case], tmp_path / "kept", Here())
+    assert len(marks(tmp_path)) == 10
+
+
+def test_what_was_measured_before_a_failure_is_kept(tmp_path, monkeypatch):
+    parts = {"one": 1, "two": "bad"}
+    case = keep_case(monkeypatch, "drag_along_the_line", counting_case(tmp_path, parts=lambda context: parts))
+    (failed,) = run([case], tmp_path / "kept", Here())
+    assert failed.verdict == "failed"
+    assert not failed.as_expected
+    assert "as asked" in failed.problem
+    run([case], tmp_path / "kept", Here())
+    assert marks(tmp_path) == ["1", "bad", "bad"]
+
+
+def test_an_input_that_changes_is_measured_anew(tmp_path):
+    file = tmp_path / "data.nc"
+    case = counting_case(tmp_path, inputs=(file,))
+    object.__setattr__(case, "name", "drag_along_the_line")
+    keys = [origin.key(case, Context(), "all", None, None)]
+    for content in ("one", "two"):
+        file.write_text(content)
+        origin._digest.cache_clear()
+        keys.append(origin.key(case, Context(), "all", None, None))
+    keys.append(origin.key(case, Context(seed=1), "all", None, None))
+    keys.append(origin.key(case, Context(), "all", None, "strain_sign"))
+    assert len(set(keys)) == 5
+
+
+def test_a_cases_numbers_rest_on_what_it_imports():
+    reached = {str(p.relative_to(ROOT)) for p in origin.sources(ALL["drag_along_the_line"])}
+    assert reached >= {
+        "validation/cases/drag_along_the_line.py",
+        "validation/exact/bispherical.py",
+        "mcdem/hydrodynamics/two_sphere.py",
+        "mcdem/hydrodynamics/twin_multipoles.py",
+    }
+    assert "mcdem/simulate.py" not in reached
+    assert "mcdem/stepping/integrate.py" in {
+        str(p.relative_to(ROOT)) for p in origin.sources(ALL["batchelor_green_trajectories"])
+    }
+
+
+def test_any_executor_gives_the_same_numbers(tmp_path):
+    case = cases_of.load("batchelor_green_mobility")
+    (here,) = run([case], tmp_path / "here", Here(), quick=True)
+    with local_processes(1) as crew:
+        (there,) = run([case], tmp_path / "there", crew, quick=True)
+    assert here.findings.checks == there.findings.checks
+    assert here.verdict == "agrees"
+
+
+# What is written
+
+
+def test_page_and_table_tell_everything(tmp_path, monkeypatch):
+    case = keep_case(
+        monkeypatch,
+        "drag_along_the_line",
+        counting_case(tmp_path, expected=Verdict.differs, because="it is made to", parts=lambda _: {"a": 7}),
+    )
+    outcomes = run([case], tmp_path / "kept", Here(), quick=True)
+    page = report.html(outcomes, "Validation")
+    for words in ("a claim | of two", "a source", "a tolerance", "it is made to", "differs", "1 ± 0.5"):
+        assert words in page
+    assert "python -m validation drag_along_the_line --quick -o report/" in page
+    assert "where differs was expected" not in page
+    for outside in ("http://", "https://", "<script"):
+        assert outside not in page
+    table = report.markdown(outcomes)
+    (row,) = [line for line in table.splitlines() if line.startswith("| `drag")]
+    assert row.replace("\\|", "").count("|") == 6
+    assert "**differs**: it is made to" in row
+    assert "a: 7 (1 ± 0.5); 0 of 1 checks agree" in row
+
+
+def test_the_committed_table_holds_every_case_and_its_claim():
+    table = report.README.read_text(encoding="utf-8")
+    for case in cases_of.load_all():
+        (row,) = [line for line in table.splitlines() if line.startswith(f"| `{case.name}` ")]
+        assert case.claim.replace("|", "\\|") in row, "run python -m validation -o report/ --readme"
+        assert f"**{case.expected.value}**" in row
+    listed = [line for line in table.splitlines() if line.startswith("| `")]
+    assert len(listed) == len(ALL)
+    assert "**failed**" not in table
+
+
+def command(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "validation", *arguments], capture_output=True, text=True, cwd=ROOT
+    )
+
+
+def test_the_command_ends_with_1_when_a_verdict_is_not_the_one_known(tmp_path):
+    arguments = ("batchelor_green_mobility", "--quick", "-o", str(tmp_path), "--workers", "1")
+    done = command(*arguments, "--break", "strain_sign")
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "unexpected: batchelor_green_mobility: differs, expected agrees" in done.stdout
+    assert "Physics was broken on purpose: strain_sign" in (tmp_path / "report.html").read_text()
+    # What was measured with broken physics is not taken for the real thing.
+    assert command(*arguments).returncode == 0
+    assert len(list((tmp_path / "kept").rglob("*.json"))) == 2
+    assert json.loads(next((tmp_path / "kept").rglob("*.json")).read_text())["label"] == cases_of.ALONE
+
+
+def test_mistakes_are_answered_in_a_line():
+    assert chosen(["1"]) == [case.name for case in cases_of.load_all() if case.chapter == 1]
+    with pytest.raises(UserError, match='case "no": not known; expected a chapter, 1 to 9, or one of'):
+        chosen(["no"])
+    done = command("--break", "no", "1")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert 'error: --break "no": expected one of strain_sign' in done.stderr
+
+
+# No case passes by construction
+
+
+def test_every_case_says_what_it_would_notice():
+    for case in cases_of.load_all():
+        assert case.seen, f"{case.name}: name at least one way of validation.broken.WAYS that it notices"
+        assert set(case.seen) <= set(broken.WAYS)
+        assert case.expected == Verdict.agrees or case.because
+
+
+def differing(outcome: Outcome) -> set[str]:
+    return {check.quantity for check in outcome.findings.checks if check.verdict == Verdict.differs}
+
+
+def notices(name, way, folder):
+    """Whether checks of a case that do not differ otherwise differ once physics is broken."""
+    case = cases_of.load(name)
+    (intact,) = run([case], folder, Here(), quick=True)
+    (amiss,) = run([case], folder, Here(), quick=True, way=way)
+    assert intact.as_expected, intact.problem or intact.findings
+    assert not amiss.problem, amiss.problem
+    return bool(differing(amiss) - differing(intact))
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    return tmp_path_factory.mktemp("kept")
+
+
+@pytest.mark.parametrize(
+    ("name", "way"),
+    [
+        pytest.param(name, way, marks=() if way in CHEAP.get(name, ()) else pytest.mark.slow)
+        for name in ALL
+        for way in cases_of.load(name).seen
+    ],
+)
+def test_a_case_fails_when_its_physics_is_broken(name, way, kept):
+    assert notices(name, way, kept)
+
+
+def test_what_is_broken_is_mended_afterwards(kept):
+    case = cases_of.load("batchelor_green_mobility")
+    before = case.measured(case.context(True), cases_of.ALONE)
+    for way in broken.WAYS:
+        with broken.broken(way):
+            pass
+    assert case.measured(case.context(True), cases_of.ALONE) == before
+
+
+def test_a_check_without_verdict_is_shown_with_a_dash():
+    assert report.number(math.nan) == "–"
+    assert report.expectation(Check("x", 1.0, low=0.5)) == "at least 0.5"
+    assert report.expectation(shown("x", 1.0)) == ""

@@ -1,0 +1,156 @@
+"""Physics broken on purpose, one way at a time, to show that a case would notice.
+
+    python -m validation NAME --break strain_sign
+
+Each entry of `WAYS` is a context manager that breaks the toolkit in this process until it is left.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from unittest import mock
+
+import numpy as np
+
+
+def _change_physics(change: Callable) -> contextlib.ExitStack:
+    """Every encounter and every velocity sees (flow, physics) as `change` makes them."""
+    from mcdem import encounter, free_spheres
+
+    intact = encounter.physics_of
+    stack = contextlib.ExitStack()
+    for module in (encounter, free_spheres):
+        stack.enter_context(
+            mock.patch.object(module, "physics_of", lambda scene: change(scene, *intact(scene)))
+        )
+    return stack
+
+
+@contextlib.contextmanager
+def strain_sign() -> Iterator[None]:
+    """The rate of strain acts on the stresslets with the wrong sign."""
+    with _change_physics(
+        lambda _, flow, physics: (flow._replace(strain=-flow.strain, strain_five=-flow.strain_five), physics)
+    ):
+        yield
+
+
+@contextlib.contextmanager
+def no_lubrication() -> Iterator[None]:
+    """Pairs have no two-body resistance beyond the far field."""
+
+    def change(_, flow, physics):
+        table = physics.table._replace(coefficients=np.zeros_like(physics.table.coefficients))
+        return flow, physics._replace(table=table)
+
+    with _change_physics(change):
+        yield
+
+
+@contextlib.contextmanager
+def delta_moved() -> Iterator[None]:
+    """The lubrication cut-off is at 2e-2 whatever the scene says."""
+    with _change_physics(lambda _, flow, physics: (flow, physics._replace(cutoff=2e-2))):
+        yield
+
+
+@contextlib.contextmanager
+def weak_attraction() -> Iterator[None]:
+    """Van der Waals attraction is a third of what the scene says."""
+
+    def change(_, flow, physics):
+        law = physics.van_der_waals
+        return flow, physics._replace(
+            van_der_waals=None if law is None else law._replace(strength=law.strength / 3.0)
+        )
+
+    with _change_physics(change):
+        yield
+
+
+def _change_functions(names: tuple[str, ...], factor: float) -> contextlib.AbstractContextManager:
+    """Two-sphere functions of these families, times a factor, wherever the exact ones are summed."""
+    from mcdem.hydrodynamics import two_sphere
+
+    intact = two_sphere.exact
+
+    def exact(gap, ratio=1.0):
+        return {
+            name: factor * value if name[:2] in names else value for name, value in intact(gap, ratio).items()
+        }
+
+    # `resistance_matrix` holds the function as its default argument.
+    stack = contextlib.ExitStack()
+    stack.enter_context(mock.patch.object(two_sphere, "exact", exact))
+    stack.enter_context(mock.patch.object(two_sphere.resistance_matrix, "__defaults__", (1.0, exact)))
+    return stack
+
+
+@contextlib.contextmanager
+def torque_sign() -> Iterator[None]:
+    """Y^B and Y^H of two spheres have the wrong sign: forces are right, rotation is not."""
+    with _change_functions(("YB", "YH"), -1.0):
+        yield
+
+
+@contextlib.contextmanager
+def squeeze_low() -> Iterator[None]:
+    """X^A of two spheres is 2 % low."""
+    with _change_functions(("XA",), 0.98):
+        yield
+
+
+@contextlib.contextmanager
+def doubling_loses_a_copy() -> Iterator[None]:
+    """When the sample is doubled, the copy of the largest aggregate is lost."""
+    from mcdem.population import Population
+
+    intact = Population.double
+
+    def double(self):
+        largest = max(self, key=lambda placed: placed[1].size)[0]
+        before = self.number
+        intact(self)
+        copies = [place for place, a in self if a is self.aggregates[largest] and place != largest]
+        assert self.number == 2 * before
+        self._take(max(copies))
+
+    with mock.patch.object(Population, "double", double):
+        yield
+
+
+@contextlib.contextmanager
+def flat_encounter_rates() -> Iterator[None]:
+    """Pairs of the sample meet at rates that do not grow with their size."""
+    from mcdem.population import Population
+
+    intact = Population._count
+
+    def count(self, place, aggregate, sign):
+        intact(self, place, aggregate, sign)
+        if sign > 0:
+            self.outer_radii[place] = 2.0 * self.primary_radius
+
+    with mock.patch.object(Population, "_count", count):
+        yield
+
+
+WAYS: dict[str, Callable[[], contextlib.AbstractContextManager]] = {
+    way.__name__: way
+    for way in (
+        strain_sign,
+        no_lubrication,
+        delta_moved,
+        weak_attraction,
+        torque_sign,
+        squeeze_low,
+        doubling_loses_a_copy,
+        flat_encounter_rates,
+    )
+}
+
+
+def broken(way: str | None) -> contextlib.AbstractContextManager:
+    """Break physics in this way; nothing for None."""
+    return contextlib.nullcontext() if way is None else WAYS[way]()

@@ -1,0 +1,100 @@
+"""What a case's numbers rest on, as one hash: the sources it reaches by imports, its input files, versions, mode and seed."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import json
+import platform
+import subprocess
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from validation.case import Case, Context, names
+
+PACKAGES = ("mcdem", "pbekit", "validation")
+LIBRARIES = ("numpy", "scipy", "numba")
+ROOT = Path(__file__).parent.parent
+WITHOUT_NUMBERS = {"validation.case"}
+"""Sources that shape how a case is run and shown, not what it measures."""
+
+
+@cache
+def _source(module: str) -> Path | None:
+    """File of a module of this project; None for other modules and for names that are no module."""
+    if module.partition(".")[0] not in PACKAGES:
+        return None
+    path = ROOT.joinpath(*module.split("."))
+    return next((p for p in (path.with_suffix(".py"), path / "__init__.py") if p.is_file()), None)
+
+
+@cache
+def _named(path: Path) -> frozenset[str]:
+    """Modules of this project that a file names in its imports, inside functions too."""
+    package = path.relative_to(ROOT).parent.parts
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            start = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
+            module = ".".join(part for part in (start, node.module) if part)
+            for alias in node.names:
+                inner = f"{module}.{alias.name}"
+                found.add(inner if _source(inner) else module)
+    return frozenset(name for name in found if _source(name) and name not in WITHOUT_NUMBERS)
+
+
+def sources(module: str) -> list[Path]:
+    """Every file of this project that a module reaches by imports, itself included."""
+    reached, waiting = set(), [module]
+    while waiting:
+        path = _source(waiting.pop())
+        if path is not None and path not in reached:
+            reached.add(path)
+            waiting += _named(path)
+    return sorted(reached)
+
+
+@cache
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else "absent"
+
+
+def key(case: Case, context: Context, label: str, argument: Any, broken: str | None) -> str:
+    """Changes whenever the numbers of a part might."""
+    rests_on = {
+        "sources": {str(p.relative_to(ROOT)): _digest(p) for p in sources(names()[case.name])},
+        "inputs": {str(p): _digest(p) for p in case.inputs},
+        "libraries": {name: version(name) for name in LIBRARIES},
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "quick": context.quick,
+        "seed": context.seed,
+        "part": [label, repr(argument)],
+        "broken": broken,
+    }
+    return hashlib.sha256(json.dumps(rests_on, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def of_this_version() -> str:
+    """Version of the toolkit, with the commit where it is known."""
+    try:
+        git = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--abbrev=9", "--exclude=*"]
+        commit = subprocess.run(git, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        commit = ""
+    return f"pbekit {version('pbekit')}" + (f", commit {commit}" if commit else "")
+
+
+def on_this_machine() -> str:
+    """Versions that can change a number."""
+    return ", ".join(
+        [
+            *(f"{name} {version(name)}" for name in LIBRARIES),
+            f"python {platform.python_version()}",
+            platform.platform(),
+        ]
+    )
