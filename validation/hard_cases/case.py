@@ -107,10 +107,10 @@ class Encounter:
         for scheme in self.schemes:
             course = Course(self, scheme)
             suffix = "" if scheme == "implicit" else f" ({scheme})"
-            for name, law in laws.OF_COURSES.items():
+            for name, course_law in laws.OF_COURSES.items():
                 if name in laws.OF_REGULAR_MOTION and (self.chaotic or scheme == "paper"):
                     continue  # trajectories say nothing there, or the law is of the other scheme's step
-                margin, words = law(course)
+                margin, words = course_law(course)
                 yield finding(
                     self, name + suffix, course.seen.steps, margin, words, self.expected.get(name, "")
                 )

@@ -28,7 +28,7 @@ MOTES = monomer, monomer
 WITHOUT_ATTRACTION = {"effects.van_der_waals.hamaker_constant": "1e-60 J"}
 """None to speak of; the law stays, so that nothing is compiled for it."""
 
-GRAZING = [
+GRAZING: list[Case] = [
     Encounter("grazing, y0 = 1e-9 R", "starts almost on the streamline that never arrives", *MOTES,
               offset=(0.0, 1e-9)),
     Encounter("grazing, clusters, y0 = 1e-9 R", "the same with clusters", *TETRAHEDRON,
@@ -45,7 +45,7 @@ GRAZING = [
     Encounter("from below", "an offset below the axis", *TETRAHEDRON, offset=(0.1, -0.4)),
 ]  # fmt: skip
 
-CONTACTS = [
+CONTACTS: list[Case] = [
     Encounter(f"contact at h = {gap:g} a", "gives positions of primaries that just touch, or just do not",
               doublet(gap), monomer, offset=(0.3, 0.6), schemes=("implicit", "paper"), strain=3.0)
     for gap in (-1e-9, 1e-9)
@@ -80,7 +80,7 @@ def ranged(what: str, key: str, values: tuple[str | float, ...], **options) -> l
     ]
 
 
-MATERIAL = [
+MATERIAL: list[Case] = [
     *ranged("E", "effects.jkr.elastic_modulus", ("10 MPa", "100 MPa", "100 GPa", "1 TPa")),
     *ranged("A_H", "effects.van_der_waals.hamaker_constant", ("1e-60 J", "1e-22 J", "1e-18 J")),
     *ranged("gamma", "effects.jkr.surface_energy", ("1e-9 J/m^2", "1e-4 J/m^2"), chaotic=True),
@@ -102,7 +102,7 @@ MATERIAL = [
               changes={"effects.jkr": None}, quick=False, outcomes=("missed",)),
 ]  # fmt: skip
 
-CLUSTERS = [
+CLUSTERS: list[Case] = [
     Encounter("one redundant contact", "a cluster that no more than statics can tell", shape(one_redundant_centres(), 1),
               shape(bipyramid_centres(), 2)),
     Encounter("isostatic clusters", "the clusters of Table 2", shape(bipyramid_centres(), 1),
@@ -127,7 +127,7 @@ CLUSTERS = [
               shape(one_redundant_centres())), 60),
 ]  # fmt: skip
 
-SUSPENSIONS = [
+SUSPENSIONS: list[Case] = [
     Suspension("a population of one", "goes on until all are in one aggregate", {
         "population.initial": 2, "population.doubling_below": 0.0, "flow.shear_stress": "1 Pa"}, 10_000,
         ("one aggregate left",), sticks=True),
