@@ -1,7 +1,7 @@
 """How the Monte Carlo scales: the cost of selecting an encounter, and what foresight computes in vain.
 
-    python benchmarks/selection.py           the cost per event at N = 1e3, 1e4, 1e5 and the paper's table up to 4000
-    python benchmarks/selection.py workers   share in vain and use of 1 ... 1000 workers, by simulation
+    python benchmarks/selection.py                   the cost per event at N = 1e3, 1e4, 1e5 and the paper's table up to 4000
+    python benchmarks/selection.py workers [N ...]   share in vain and use of 1 ... 1000 workers, by simulation
 
 The encounters are stand-ins that keep a population like that of the paper at 1000 Pa steady (mean size about 20, a
 third of the aggregates free primaries): most reshape the two aggregates, some merge them, and what is too large breaks.
@@ -17,6 +17,7 @@ import sys
 import time
 import tracemalloc
 from collections import deque
+from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import replace
 from typing import Any
@@ -114,28 +115,28 @@ def steady(number: int, seed: int, pair_selection: type[PairSelection] = Clocks)
 
 
 def follow(process: Process, events: int) -> tuple[float, float]:
-    """Seconds per event: of the selection, and of all that the leader does but the encounter."""
+    """Seconds of CPU per event: of the selection, and of all that the leader does but the encounter."""
     radius = process.scene.suspension.radius
     selecting = stepping = 0.0
     for _ in range(events):
-        began = time.perf_counter()
+        began = time.process_time()
         meeting = process.selection.ahead(1).meeting(0)
-        selected = time.perf_counter()
+        selected = time.process_time()
         first, second = process.population.at(meeting.first), process.population.at(meeting.second)
         found = encounter(radius, first, second, stream(1, "encounter", meeting.epoch, meeting.number))
-        met = time.perf_counter()
+        met = time.process_time()
         happened = process.selection.happened
 
         def timed(*arguments: Any, happened: Any = happened) -> None:
             nonlocal selecting
-            start = time.perf_counter()
+            start = time.process_time()
             happened(*arguments)
-            selecting += time.perf_counter() - start
+            selecting += time.process_time() - start
 
         process.selection.happened = timed  # type: ignore[method-assign]
         process.encounter(meeting, found)
         process.selection.happened = happened  # type: ignore[method-assign]
-        ended = time.perf_counter()
+        ended = time.process_time()
         selecting += selected - began
         stepping += (selected - began) + (ended - met)
     return selecting / events, stepping / events
@@ -210,13 +211,13 @@ class SimulatedWorkers(Executor):
         return self._finished.popleft()
 
 
-def workers() -> None:
+def workers(numbers: Sequence[int]) -> None:
     """Print what foresight achieves on simulated workers."""
     print(f"looking {DEPTH} encounters ahead and queueing {QUEUE}, per worker")
     print(f"{'N':>8}{'workers':>9}{'in vain':>10}{'use':>8}{'speed-up':>10}{'leader':>16}")
-    for number in (200, 10**3, 10**4, 10**5):
+    for number in numbers:
         for crew in (1, 2, 4, 8, 32, 100, 300, 1000):
-            events = max(2000, 8 * crew)
+            events = max(2000, 40 * crew)  # so many that the longest encounter of the last ones counts little
             process = steady(number, 3)
             radius = process.scene.suspension.radius
 
@@ -236,12 +237,12 @@ def workers() -> None:
                 process.selection,
                 finished=simulated,  # type: ignore[arg-type]
             )
-            began = time.perf_counter()
+            began = time.process_time()
             for _ in range(events):
                 ahead = process.selection.ahead(foresight.depth)
                 found = foresight.result(ahead)
                 foresight.happened(process.encounter(ahead.meeting(0), found))
-            leader = (time.perf_counter() - began) / events
+            leader = (time.process_time() - began) / events
             in_vain = foresight.in_vain / (events + foresight.in_vain)
             speed = process.record.events["cpu_time"].sum() / simulated.now
             print(
@@ -251,4 +252,7 @@ def workers() -> None:
 
 
 if __name__ == "__main__":
-    workers() if sys.argv[1:] == ["workers"] else cost()
+    if sys.argv[1:2] == ["workers"]:
+        workers([int(number) for number in sys.argv[2:]] or (200, 10**3, 10**4, 10**5))
+    else:
+        cost()

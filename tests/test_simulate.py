@@ -24,6 +24,7 @@ from mcdem.errors import UserError
 from mcdem.foresight import BEGUN, PASSED, UNTOUCHED, Foresight, ready
 from mcdem.random_streams import stream
 from mcdem.record import differences
+from mcdem.scene import load_scene
 from mcdem.simulate import Process
 
 EVENTS = 700
@@ -80,16 +81,22 @@ def test_a_dask_cluster_gives_the_same_dataset(reference, tmp_path):
     assert differences(reference, tmp_path / "run.nc") == []
 
 
-def mpiexec(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Open MPI wants to be told that two cores and a root user will do; other MPIs ignore these variables."""
+def mpi(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """A command in the environment of these tests, three ranks to a batch job.
+
+    Open MPI wants to be told that two cores and a root user will do; other MPIs ignore these variables.
+    """
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join([str(SCRIPT.parents[1]), str(SCRIPT.parent)]),
+        "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
+        "SLURM_NTASKS": "3",
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-        "OMPI_MCA_rmaps_base_oversubscribe": "1",
+        "OMPI_MCA_rmaps_base_oversubscribe": "1",  # up to Open MPI 4, ...
+        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",  # ... and from 5 on
     }
     return subprocess.run(
-        ["mpiexec", "-n", "3", sys.executable, *arguments],
+        arguments,
         env=environment,
         capture_output=True,
         text=True,
@@ -98,7 +105,8 @@ def mpiexec(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 needs_mpi = pytest.mark.skipif(
-    shutil.which("mpiexec") is None or importlib.util.find_spec("mpi4py") is None,
+    importlib.util.find_spec("mpi4py") is None
+    or not (shutil.which("mpiexec", path=Path(sys.executable).parent) or shutil.which("mpiexec")),
     reason="mpiexec or mpi4py is not installed",
 )
 
@@ -111,10 +119,23 @@ needs_mpi = pytest.mark.skipif(
 )
 def test_the_ranks_of_mpiexec_give_the_same_dataset(reference, tmp_path, launcher):
     path = tmp_path / "run.nc"
-    told = mpiexec(*launcher, str(SCRIPT), str(path), "--events", str(EVENTS), "--executor", "mpi")
+    arguments = [str(SCRIPT), str(path), "--events", str(EVENTS), "--executor", "mpi"]
+    told = mpi("mpiexec", "-n", "3", sys.executable, *launcher, *arguments)
     assert told.returncode == 0, told.stderr
     assert told.stdout.split()[:2] == ["events", str(EVENTS)]
     assert differences(reference, path) == []
+
+
+@needs_mpi
+def test_the_batch_script_gives_the_dataset_of_one_process(tmp_path):
+    """The very script, and real encounters; SLURM would start it like this."""
+    root = SCRIPT.parents[1]
+    scene, one, three = root / "scenes" / "quickstart.toml", tmp_path / "one.nc", tmp_path / "three.nc"
+    told = mpi("bash", str(root / "docs" / "cluster.sbatch"), str(scene), str(three), "--events", "60")
+    assert told.returncode == 0, told.stderr
+    assert "60 events" in told.stdout and "ended by events" in told.stdout
+    simulate.run(load_scene(scene), one, events=60)
+    assert differences(one, three) == []
 
 
 def test_foresight_counts_what_it_computed_in_vain(tmp_path):
