@@ -73,19 +73,19 @@ def pair_efficiency(scene: Scene, rays: int = RAYS) -> PairEfficiency:
     if rays < 2 or rays % 2:
         raise UserError(f"rays = {rays}: expected an even number, at least 2")
     capture = Capture(scene)
-    angles, weights = _fejer(rays)
-    segments = [capture.segments(_ray(angle), capture.lowest(angle)) for angle in angles]
+    angles, weights = fejer(rays)
+    segments = [capture.segments(ray_at(angle), capture.lowest(angle)) for angle in angles]
     by_ray = np.array([sum(out**3 - into**3 for into, out in found) for found in segments]) / 8.0
     efficiency = float(weights @ by_ray)
     # Every second ray is a node of the rule with half as many.
-    _, coarse = _fejer(rays // 2)
+    _, coarse = fejer(rays // 2)
     quadrature = abs(float(coarse @ by_ray[1::2]) - efficiency)
 
     finer = Capture(_half_step(scene))
     moved = np.array(
         [
             sum(
-                finer.follow(_ray(angle), out) ** 3 - finer.follow(_ray(angle), into) ** 3
+                finer.follow(ray_at(angle), out) ** 3 - finer.follow(ray_at(angle), into) ** 3
                 for into, out in found
             )
             for angle, found in zip(angles, segments)
@@ -228,7 +228,8 @@ class Capture:
             width *= 4.0
 
 
-def _ray(angle: float) -> Line:
+def ray_at(angle: float) -> Line:
+    """The line from the centre of the circle at `angle` [rad] from the vorticity axis."""
     return lambda distance: (distance * math.cos(angle), distance * math.sin(angle))
 
 
@@ -241,7 +242,7 @@ def _half_step(scene: Scene) -> Scene:
     return scene.model_copy(update={"numerics": numerics.model_copy(update=finer)})
 
 
-def _fejer(rays: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def fejer(rays: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Angles and weights of Fejer's second rule for an even function of cos(angle), on (0, 1); nested on doubling `rays`."""
     intervals = 2 * rays
     k = np.arange(1, rays + 1)

@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 
 from mcdem.commands import (
     check,
+    cost,
     describe,
     efficiency,
     encounter,
@@ -50,7 +51,20 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for module in (run, sweep, plot, figures, report, encounter, view, efficiency, kernels, check, describe):
+for module in (
+    run,
+    sweep,
+    plot,
+    figures,
+    report,
+    encounter,
+    view,
+    efficiency,
+    cost,
+    kernels,
+    check,
+    describe,
+):
     app.command()(getattr(module, module.__name__.rpartition(".")[2]))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from .aggregate import Aggregate
 from .breakup import Reading, breakups, summarise
 from .errors import UserError
 from .morphology import Inertia, population_morphology
@@ -148,6 +149,15 @@ class Run:
             positions[first : first + sizes[aggregate]],
             bonds[first_bond : first_bond + counts[aggregate]],
         )
+
+    def aggregates(self, snapshot: int = -1) -> list[Aggregate]:
+        """Every aggregate of a snapshot."""
+        positions, sizes, bonds, counts = self._ragged(snapshot)
+        ends, links = np.cumsum(sizes), np.cumsum(counts)
+        return [
+            Aggregate(positions[end - size : end], bonds[link - count : link].astype(np.int32))
+            for end, size, link, count in zip(ends, sizes, links, counts, strict=True)
+        ]
 
     @cached_property
     def late_snapshots(self) -> list[int]:

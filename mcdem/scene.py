@@ -91,19 +91,19 @@ class Numerics(Table):
 
     scheme: Literal["implicit", "paper"] = "implicit"
     """"implicit": contacts solved at the end of the step; "paper": explicit Euler with the time step of Eq. 20."""
-    max_step: PositiveDimensionless = 0.1
-    """Longest step of the implicit scheme, in units of 1/g."""
+    max_step: PositiveDimensionless = 0.2
+    """Longest step of the implicit scheme, in units of 1/g; half of it while two bodies are within a radius of each other."""
     event_step: PositiveDimensionless = 0.0125
     """Step to which the time of a contact's loss is resolved by the implicit scheme, in units of 1/g."""
     start_distance: Annotated[PositiveDimensionless, Field(ge=1.0)] = 5.0
     """Distance upstream at which the second aggregate starts, in units of R_i + R_j."""
     rotations: NonNegativeDimensionless = 8.0
     """Rotations N_rot that follow the approach (Eq. 21)."""
-    far_field_lag: NonNegativeDimensionless = 0.01
+    far_field_lag: NonNegativeDimensionless = 0.05
     """The far field is kept, turning along, until a separation changed by this share of its gap plus a radius; 0: never kept."""
     far_approach: NonNegativeDimensionless = 2.0
     """Two rigid aggregates approach as bodies with a stresslet down to this centre distance over R_i + R_j; 0 for never."""
-    separation: NonNegativeDimensionless = 2.0
+    separation: NonNegativeDimensionless = 1.5
     """Parts that recede from each other go on alone beyond this centre distance over R_i + R_j; 0 for never."""
     rigid_rotation: bool = True
     """An aggregate without floppy modes turns as a rigid body while its load stays below `rigid_load_limit`."""

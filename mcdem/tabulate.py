@@ -124,13 +124,7 @@ class Library:
         found = [Aggregate.monomer()]
         for run in runs:
             for snapshot in range(len(run.snapshot_times)):
-                positions, sizes, bonds, counts = run._ragged(snapshot)
-                ends, links = np.cumsum(sizes), np.cumsum(counts)
-                found += [
-                    Aggregate(positions[end - size : end], bonds[link - count : link].astype(np.int32))
-                    for end, size, link, count in zip(ends, sizes, links, counts, strict=True)
-                    if size > 1
-                ]
+                found += [a for a in run.aggregates(snapshot) if a.size > 1]
         ratios, gyration, outer = _shapes(found, table.radius)
         size = np.array([a.size for a in found])
         shape = {

@@ -40,7 +40,7 @@ def test_captured_shapes_have_their_flux(monkeypatch, inside, expected):
 
 
 def test_the_whole_circle_is_the_smoluchowski_flux():
-    angles, weights = capture._fejer(8)
+    angles, weights = capture.fejer(8)
     assert weights.sum() == pytest.approx(1.0)
     for power in range(0, 15, 2):
         assert weights @ np.cos(angles) ** power == pytest.approx(1.0 / (power + 1))

@@ -96,7 +96,7 @@ def test_free_pairs_follow_the_trajectories_of_batchelor_and_green(offset):
 
 @pytest.mark.parametrize("offset", [(0.0, 1.5), (0.3, 1.2)])
 def test_the_shortcut_of_the_approach_keeps_to_the_trajectory(offset):
-    _, path = separation_path(SMOOTH, offset)
+    _, path = separation_path(SMOOTH.with_changes({"numerics.max_step": 0.1}), offset)
     assert distance_from_curve(path, exact_curve(offset)).max() < 4e-3
 
 
@@ -381,8 +381,9 @@ def test_recording_does_not_change_an_encounter():
 
 # The two schemes
 
-CHEAP_STARTS = (6, 12, 14, 24, 28, 29)
-"""A few of the 32, two of which touch and stay, two touch and part, two miss."""
+CHEAP_STARTS = (6, 12, 14, 24, 29)
+"""A few of the 32, one of which touches and stays, two touch and part, two miss.  Not 7 or 28: they turn about each other for
+long at the edge of touching, and their outcomes change with the step."""
 
 
 def outcomes_and_contacts(numbers, **changes):
@@ -408,14 +409,14 @@ def test_implicit_and_explicit_steps_agree():
 def test_the_schemes_agree_on_every_outcome_as_both_steps_are_refined():
     """32 encounters of 2 to 8 primaries, 13 of which touch.
 
-    Steps: implicit from 0.1/g, explicit from the paper's 1 us, which is at 0.9 of a contact's relaxation time.  The bound of
+    Steps: implicit from 0.2/g, explicit from the paper's 1 us, which is at 0.9 of a contact's relaxation time.  The bound of
     Eq. 20 is kept, read by the normal component (see the next test for its literal reading).
     """
     numbers = range(len(starts()))
     assert len(numbers) >= 30
     agreeing, lags = [], []
     for factor in (1.0, 0.5, 0.25):
-        implicit, touched = outcomes_and_contacts(numbers, max_step=0.1 * factor)
+        implicit, touched = outcomes_and_contacts(numbers, max_step=0.2 * factor)
         explicit, touched_too = outcomes_and_contacts(numbers, paper_base_step=f"{factor} us", **EXPLICIT)
         agreeing.append(sum(a == b for a, b in zip(implicit, explicit)))
         lags.append(np.nanmedian(np.abs(touched - touched_too)) * RATE)

@@ -15,11 +15,16 @@ from numba import njit
 from mcdem.hydrodynamics import stokesian
 from mcdem.hydrodynamics.far_field import tensor_to_five
 
+# Calls for which a far field is made without being kept, after one that was kept in vain: keeping costs a quarter more.
+WAIT = 4
+
 
 class Lagged(NamedTuple):
     """A far field and where it was made."""
 
     made: np.ndarray  # (1,) bool
+    used: np.ndarray  # (1,) bool, whether it has served since it was made
+    wait: np.ndarray  # (1,) calls for which keeping is not tried: it just failed
     resistance: np.ndarray  # (6N, 6N)
     drives: np.ndarray  # (5, 6N) of the five unit strains
     positions: np.ndarray  # (N, 3)
@@ -31,6 +36,8 @@ def new_lagged(n: int) -> Lagged:
     """Nothing kept yet."""
     return Lagged(
         np.zeros(1, np.bool_),
+        np.zeros(1, np.bool_),
+        np.zeros(1, np.int64),
         np.empty((6 * n, 6 * n)),
         np.empty((5, 6 * n)),
         np.empty((n, 3)),
@@ -191,17 +198,26 @@ def turned_far_field(kept, work, strain):
 @njit(cache=True)
 def far_field(kept, work, radii, positions, labels, bodies, strain, tolerance):
     """Far field into `work.resistance` and `work.drive`, kept or made anew; 0 or an error code."""
-    if kept.made[0]:
+    five = np.empty(5)
+    tensor_to_five(strain, five)
+    if kept.wait[0] > 0:
+        kept.wait[0] -= 1
+    elif kept.made[0]:
         if still_good(kept, positions, labels, bodies, kept.together, tolerance):
             turned_far_field(kept, work, strain)
+            kept.used[0] = True
             return 0
+        if not kept.used[0]:
+            kept.wait[0] = WAIT
     code = stokesian.far_field_resistance(work, radii)
     if code != 0:
         return code
+    if kept.wait[0] > 0:
+        kept.made[0] = False
+        stokesian.far_field_drive(work, five)
+        return 0
     n = radii.shape[0]
     unit = np.zeros(5)
-    five = np.empty(5)
-    tensor_to_five(strain, five)
     for k in range(5):
         unit[:] = 0.0
         unit[k] = 1.0
@@ -220,4 +236,5 @@ def far_field(kept, work, radii, positions, labels, bodies, strain, tolerance):
             for q in range(3):
                 kept.turns[i, p, q] = 1.0 if p == q else 0.0
     kept.made[0] = True
+    kept.used[0] = False
     return 0

@@ -1,0 +1,165 @@
+"""`mcdem cost`: error against time for each knob of a scene."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mcdem.commands import SceneFile
+from mcdem.errors import UserError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mcdem.cost import Price
+
+
+def cost(
+    scene: SceneFile,
+    runs: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--from",
+            metavar="RUN",
+            help="Dataset of `mcdem run` whose late aggregates meet in the sample; may be repeated. "
+            "Without it a short run of the scene is made first.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FIGURE",
+            help="Figure to write; a table (.csv) goes beside it. Default: SCENE.cost.png.",
+        ),
+    ] = None,
+    encounters: Annotated[
+        int | None, typer.Option(min=2, help="In the sample; default 100, or 12 with --quick.")
+    ] = None,
+    error: Annotated[
+        float, typer.Option(min=0.0, help="Wanted error, for which the cheapest setting is named.")
+    ] = 0.05,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer settings and encounters: a first look.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of the sample.")] = 0,
+    workers: Annotated[int | None, typer.Option(min=1, help="How many compute encounters.")] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace FIGURE and its table if they exist.")
+    ] = False,
+) -> None:
+    """Show what accuracy costs in time: the scene's encounters under each setting of its numerics, against a reference.
+
+    Prints error and CPU time of every setting, draws the front of those that no other beats in both, and names the cheapest
+    one within the wanted error.
+    """
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from mcdem import executors
+    from mcdem.commands import refuse_existing
+    from mcdem.cost import cheapest, measure, sample_for, settings_of
+    from mcdem.figures.cost import draw_front
+    from mcdem.scene import load_scene
+
+    loaded = load_scene(scene)
+    figure = output or Path(f"{loaded.name}.cost.png")
+    table = figure.with_suffix(".csv")
+    for path in (figure, table):
+        refuse_existing(path, overwrite=overwrite)
+    settings = settings_of(loaded, quick=quick)
+    count = encounters or (12 if quick else 100)
+    console = Console(stderr=True)
+    prices: list[Price] = []
+    with (
+        executors.opened("process", workers) as crew,
+        Progress(console=console, disable=not console.is_terminal) as bar,
+    ):
+        task = bar.add_task("aggregates to try on", total=len(settings) * (count + 1))
+        pairs = sample_for(
+            loaded, runs or [], count, seed, 600 if quick else 4000, crew.workers, crew.executor
+        )
+
+        def show(name: str, done: int, wanted: int) -> None:
+            bar.update(task, description=name, completed=len(prices) * wanted + done)
+
+        try:
+            for found in measure(
+                loaded,
+                settings,
+                pairs,
+                seed=seed,
+                rays=2 if quick else 4,
+                executor=crew.executor,
+                progress=show,
+            ):
+                prices.append(found)
+                if not console.is_terminal:
+                    console.print(f"{found.setting.name}: {1e3 * found.cpu_time:.1f} ms", highlight=False)
+        except KeyboardInterrupt:
+            if len(prices) < 2:
+                raise
+            console.print("interrupted: what was measured until now follows")
+    out = Console(highlight=False)
+    out.print(told(prices, count))
+    write(prices, table)
+    draw_front(prices, figure, loaded.name)
+    best = cheapest(prices, error)
+    if best is None:
+        out.print(
+            f"No setting is shown to be within {error:g}: with {count} encounters the standard errors alone reach "
+            f"{max(p.deviation[1:].max() for p in prices):.2g}; take more, or a larger --error."
+        )
+    else:
+        changes = ", ".join(f"{k} = {v:g}" for k, v in best.setting.changes.items()) or "the scene as it is"
+        out.print(
+            f"Cheapest within {error:g}: {best.setting.name} ({changes}), {1e3 * best.cpu_time:.1f} ms an encounter, "
+            f"{prices[0].cpu_time / best.cpu_time:.1f} times less than the reference."
+        )
+    out.print(f"{figure} and {table} written")
+
+
+def told(prices: Sequence[Price], count: int):
+    """The prices as a table for the terminal."""
+    from rich.table import Table
+
+    table = Table(
+        "setting",
+        "CPU, ms",
+        "steps",
+        "eta_11",
+        "outcome",
+        "fragment",
+        "geometry",
+        "other outcome",
+        title=f"error against the reference, {count} encounters (+- one paired standard error)",
+    )
+    for p in prices:
+        errors = [
+            f"{e:.4f}" + (f" +- {d:.4f}" if d > 0.0 else "")
+            for e, d in zip(p.error, p.deviation, strict=True)
+        ]
+        table.add_row(
+            p.setting.name, f"{1e3 * p.cpu_time:.1f}", f"{p.steps:.0f}", *errors, f"{p.differing:.1%}"
+        )
+    return table
+
+
+def write(prices: Sequence[Price], path: Path) -> None:
+    """The same as a file."""
+    from mcdem.cost import QUANTITIES
+
+    try:
+        with path.open("w", newline="") as file:
+            rows = csv.writer(file)
+            names = [name for q in QUANTITIES for name in (f"error_{q}", f"standard_error_{q}")]
+            rows.writerow(["setting", "knob", "cpu_time_s", "steps", "other_outcome", *names])
+            for p in prices:
+                values = [v for pair in zip(p.error, p.deviation, strict=True) for v in pair]
+                rows.writerow([p.setting.name, p.setting.knob, p.cpu_time, p.steps, p.differing, *values])
+    except OSError as problem:
+        raise UserError(f"{path}: cannot be written ({problem.strerror})") from None
