@@ -202,14 +202,14 @@ class Price:
     differing: float
 
     @property
-    def worst(self) -> float:
-        """The largest of the errors."""
-        return float(np.nanmax(self.error))
+    def worst_sampled(self) -> float:
+        """The largest of the sampled errors."""
+        return float(self.error[1:].max())
 
     @property
     def worst_deviation(self) -> float:
-        """Standard error of the largest of the errors."""
-        return float(self.deviation[int(np.nanargmax(self.error))])
+        """Standard error of the largest of the sampled errors."""
+        return float(self.deviation[1 + int(self.error[1:].argmax())])
 
 
 def price(
@@ -277,11 +277,11 @@ def measure(
         yield price(setting, eta, samples, eta_ref, ref)
 
 
-def front(prices: Sequence[Price]) -> list[Price]:
+def front(prices: Sequence[Price], error: Callable[[Price], float]) -> list[Price]:
     """The settings that no other beats in both time and error, cheapest first."""
     found: list[Price] = []
-    for p in sorted(prices, key=lambda p: (p.cpu_time, p.worst)):
-        if not found or p.worst < found[-1].worst:
+    for p in sorted(prices, key=lambda p: (p.cpu_time, error(p))):
+        if not found or error(p) < error(found[-1]):
             found.append(p)
     return found
 

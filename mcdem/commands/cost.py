@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from mcdem.cost import Price
 
 
+WIDTH = 130
+"""Columns of the table where there is no terminal to ask."""
+
+
 def cost(
     scene: SceneFile,
     runs: Annotated[
@@ -104,10 +108,11 @@ def cost(
             if len(prices) < 2:
                 raise
             console.print("interrupted: what was measured until now follows")
-    out = Console(highlight=False)
+    terminal = Console(highlight=False)
+    out = terminal if terminal.is_terminal else Console(highlight=False, width=WIDTH)
     out.print(told(prices, count))
     write(prices, table)
-    draw_front(prices, figure, loaded.name)
+    draw_front(prices, figure, loaded.name, count)
     best = cheapest(prices, error)
     if best is None:
         out.print(

@@ -15,51 +15,68 @@ FLOOR = 1e-5
 """Errors below are drawn here: what nothing distinguishes from the reference has no place on a logarithmic axis."""
 
 
-def draw_front(prices: Sequence[Price], path: Path, name: str) -> None:
-    """Draw CPU time against the worst error of every setting but the reference; raises `UserError` if it cannot be saved."""
+def draw_front(prices: Sequence[Price], path: Path, name: str, count: int) -> None:
+    """Draw CPU time against the errors of every setting; raises `UserError` if the figure cannot be saved.
+
+    Left the efficiency of pairs, which is not sampled; right the largest error of the `count` sampled encounters.
+    """
     shown = [p for p in prices if p.setting.name != REFERENCE]
+    knobs = list(dict.fromkeys(p.setting.knob for p in shown))
     with look():
-        figure, axes = canvas(6.0, 3.4)
-        knobs = list(dict.fromkeys(p.setting.knob for p in shown))
+        figure, (pairs, sampled) = canvas(7.2, 3.2, ncols=2, sharex=True)
         for number, knob in enumerate(knobs):
             of = [p for p in shown if p.setting.knob == knob]
-            error = np.array([max(p.worst, FLOOR) for p in of])
-            spread = np.array([min(p.worst_deviation, 1.0) for p in of])
-            axes.errorbar(
-                [1e3 * p.cpu_time for p in of],
+            time = np.array([1e3 * p.cpu_time for p in of])
+            # Six colours and six markers, shifted at every turn, tell 36 knobs apart.
+            form = {
+                "fmt": MARKERS[(number + number // len(MARKERS)) % len(MARKERS)],
+                "color": colour(number),
+                "markersize": 4,
+                "elinewidth": 0.5,
+            }
+            pairs.errorbar(time, [max(p.error[0], FLOOR) for p in of], **form)
+            error = np.array([max(p.worst_sampled, FLOOR) for p in of])
+            spread = np.array([p.worst_deviation for p in of])
+            sampled.errorbar(
+                time,
                 error,
                 yerr=[np.minimum(spread, 0.9 * error), spread],
-                fmt=MARKERS[number % len(MARKERS)],
-                color=colour(number),
-                markersize=4,
-                elinewidth=0.5,
                 label=knob.replace("_", " "),
+                **form,
             )
-        best = front(shown)
-        axes.step(
-            [1e3 * p.cpu_time for p in best],
-            [max(p.worst, FLOOR) for p in best],
-            where="post",
-            color=BLACK,
-            linewidth=0.8,
-            zorder=0,
-            label="front",
-        )
-        for p in best:
-            axes.annotate(
-                p.setting.name,
-                (1e3 * p.cpu_time, max(p.worst, FLOOR)),
-                textcoords="offset points",
-                xytext=(4, 4),
-                fontsize=5.5,
+        for axes, measure in (
+            (pairs, lambda p: max(float(p.error[0]), FLOOR)),
+            (sampled, lambda p: max(p.worst_sampled + p.worst_deviation, FLOOR)),
+        ):
+            best = front(shown, measure)
+            axes.step(
+                [1e3 * p.cpu_time for p in best],
+                [measure(p) for p in best],
+                where="post",
+                color=BLACK,
+                linewidth=0.8,
+                zorder=0,
+                label="front",
             )
-        for p in prices:
-            if p.setting.name == REFERENCE:
-                axes.axvline(1e3 * p.cpu_time, color=GREY, linewidth=0.8, linestyle=":", label="reference")
-        axes.set(xscale="log", yscale="log", xlabel="CPU time of an encounter (ms)", ylabel="largest error")
+            for p in best:
+                axes.annotate(
+                    p.setting.name.replace("_", " "),
+                    (1e3 * p.cpu_time, measure(p)),
+                    textcoords="offset points",
+                    xytext=(4, 4),
+                    fontsize=5.5,
+                )
+            for p in prices:
+                if p.setting.name == REFERENCE:
+                    axes.axvline(
+                        1e3 * p.cpu_time, color=GREY, linewidth=0.8, linestyle=":", label="reference"
+                    )
+            axes.set(xscale="log", yscale="log", xlabel="CPU time of an encounter (ms)")
+        pairs.set(ylabel=r"relative error of $\eta_{11}$")
+        sampled.set(ylabel="largest error of outcome, fragment, geometry")
         legend(
-            axes,
-            f"{name}; bars: one paired standard error",
+            sampled,
+            f"{name}, {count} encounters\nbars: one paired standard error\nfront: error plus bar",
             loc="center left",
             bbox_to_anchor=(1.0, 0.5),
         )
