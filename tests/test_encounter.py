@@ -379,6 +379,40 @@ def test_recording_does_not_change_an_encounter():
     assert record.positions.shape == (len(record.time), i.size + j.size, 3)
 
 
+def filmed(interval=0.5, **changes):
+    """Two tetrahedra that miss each other, recorded; positions (F, 8, 3) in a, tensions over the pull-off force."""
+    record = mcdem.Recorder(interval=interval)
+    scene = PAPER.with_changes({"numerics.rotations": 1, **changes})
+    two = settled(tetrahedron), settled(tetrahedron)
+    assert encounter(scene, *two, offset=(0.5, 6.5), record=record).outcome == "missed"
+    pull_off = PAPER.effects.jkr.kernel(PAPER).pull_off_force * UNITS.force
+    return record.time * RATE, record.positions / RADIUS, record.tension / pull_off
+
+
+def test_a_film_shows_the_tensions_of_bodies_that_turn():
+    """Of rigid bodies by statics; they are those of the primaries followed one by one, at every moment."""
+    short_steps = {"numerics.max_step": 0.05}  # tensions are those of the step's end
+    strain, positions, tension = filmed(**short_steps)
+    _, positions_too, followed = filmed(**WITHOUT_SHORTCUTS, **short_steps)
+    assert np.array_equal(np.isfinite(tension), np.isfinite(followed))
+    bonds = np.isfinite(tension[0])
+    # At the start the gaps of the primaries know nothing of the flow yet.
+    tension, followed = tension[1:, bonds], followed[1:, bonds]
+    swing = np.ptp(followed, axis=0)
+    assert swing.min() > 0.1  # as they turn
+    assert np.abs(tension - followed).max() < 0.1 * swing.min()
+    together = strain < 3.8  # until they go on alone
+    assert np.abs(positions - positions_too)[together].max() < 0.01
+
+
+def test_a_frame_shows_its_own_moment():
+    """However far apart frames are, and however long the steps."""
+    strain, coarse, _ = filmed(interval=0.34)
+    _, fine, _ = filmed(interval=0.17)
+    together = int((strain < 5.0).sum())
+    assert np.abs(coarse[:together] - fine[: 2 * together : 2]).max() < 5e-3
+
+
 # The two schemes
 
 CHEAP_STARTS = (6, 12, 14, 24, 29)

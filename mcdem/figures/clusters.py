@@ -122,7 +122,9 @@ def draw_clusters(numbers: xr.Dataset) -> Canvas:
             fontsize=6.5,
         )
     printed = ", ".join(f"{p} ({phi:g})" for _, p, phi in paper.CLUSTERS)
-    figure.supxlabel(f"paper's examples, $P$ ($\\phi$): {printed}; red: ellipsoid", fontsize=5.5)
+    figure.supxlabel(
+        f"paper's examples, $P$ ($\\phi$): {printed}; orange: ellipsoid, dashed: outer sphere", fontsize=5.5
+    )
     return figure
 
 

@@ -198,7 +198,8 @@ def draw_first_bond_loss(numbers: xr.Dataset) -> Canvas:
     axes.set_ylim(0, 1.12)
     axes.set_xlabel(r"strain since contact  $\dot\gamma t$")
     axes.set_ylabel("share with all bonds yet")
-    legend(axes, "lost a bond, of all; bands: binomial", loc="lower left")
+    # Above the axes: the curves may go anywhere.
+    legend(axes, "lost a bond, of all; bands: binomial", loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     return figure
 
 

@@ -244,7 +244,7 @@ def draw_aspect_distribution(numbers: xr.Dataset) -> Canvas:
     rods = low >= paper.RODS_ABOVE
     if numbers.attrs["paper"]:
         axes.axvspan(*paper.SLIGHTLY_ELONGATED, color=VERMILION, alpha=0.08, lw=0, label="paper: most")
-        axes.axvline(paper.RODS_ABOVE, color=VERMILION, ls="--", lw=0.7, label="paper: rods above")
+        axes.axvline(paper.RODS_ABOVE, ymax=0.6, color=VERMILION, ls="--", lw=0.7, label="paper: rods above")
     axes.set_xlim(1, min(8.25, max(4.0, high[count > 0].max() if seen.any() else 4)))
     axes.set_ylim(0, 1.6 * max(np.max((count + np.sqrt(count)) / total / step), 0.1))
     axes.set_xlabel("aspect ratio  A.R.")

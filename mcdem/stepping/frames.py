@@ -46,8 +46,9 @@ def keep(
 ) -> None:
     """Write the state of some primaries (m,) to every frame whose time has come.
 
-    The tensions are those of the contacts' gaps; of a rigid body turned by `turn` (3, 3) in the strain (3, 3), what
-    statics says of it: its gaps are frozen.
+    A step may end later than a frame; the positions are those within the step, along its velocities.  The tensions are
+    those of the contacts' gaps; of a rigid body turned by `turn` (3, 3) in the strain (3, 3), what statics says of it:
+    its gaps are frozen.
     """
     if frames is None:
         return
@@ -74,6 +75,7 @@ def keep(
         if k >= len(frames.time) or time < frames.interval * k - 1e-9:
             return
         frames.written[members] = k + 1
-        frames.positions[k, members] = part.positions
+        late = time - frames.time[k] if body is None else 0.0
+        frames.positions[k, members] = part.positions - late * part.velocities
         frames.tension[k, members[first], members[second]] = tension
         frames.tension[k, members[second], members[first]] = tension

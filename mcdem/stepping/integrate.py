@@ -72,7 +72,9 @@ class Course:
     @property
     def next_frame(self) -> float:
         """Time [1/g] of the next frame, inf if nothing is recorded."""
-        return math.inf if self.frames is None else self.now + self.frames.interval
+        if self.frames is None:
+            return math.inf
+        return self.frames.interval * (math.floor(self.now / self.frames.interval + 1e-9) + 1)
 
     def skip(self, elapsed: float) -> None:
         """Time goes on without steps."""
