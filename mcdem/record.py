@@ -417,7 +417,7 @@ class Record:
     @classmethod
     def read(cls, path: Path, scene: Scene) -> tuple[Record, float, Population, dict[str, Any]]:
         """What `write` wrote: the record, the time [s], the population and the state of the clocks."""
-        with opened(path) as (file,):
+        with opened(path) as (file,), _refusing_damage(path):
             _refuse_another_scene(path, str(file.scene), scene)
             record = cls(scene, int(file.seed), tuple(str(file.keep_parents).split()))
             _get(file, {"row": record.series})
@@ -428,17 +428,36 @@ class Record:
             )
             _get(file["kept"], {"kept": record.kept, **record.kept_parents.tables})
             state = {name: v[...] for name, v in file["checkpoint"].variables.items()}
-        time, volume, serials, aggregates = record.snapshots.last()
-        record.snapshots.drop_last()
-        population = Population.restored(
-            scene.suspension.radius,
-            volume,
-            int(state.pop("next_serial")),
-            state.pop("place").tolist(),
-            serials,
-            aggregates,
-        )
+            time, volume, serials, aggregates = record.snapshots.last()
+            record.snapshots.drop_last()
+            population = Population.restored(
+                scene.suspension.radius,
+                volume,
+                int(state.pop("next_serial")),
+                state.pop("place").tolist(),
+                serials,
+                aggregates,
+            )
         return record, time, population, state
+
+
+@contextlib.contextmanager
+def _refusing_damage(path: Path) -> Iterator[None]:
+    """Whatever goes wrong in reading a dataset of ours is the disk's doing; its checksums tell most of it."""
+    try:
+        yield
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        OSError,
+        RuntimeError,
+        TypeError,
+        ValueError,
+    ) as problem:
+        raise DataFileError(
+            f"{path}: is damaged and cannot be continued ({problem}); restore it from a copy, or begin again with --overwrite"
+        ) from problem
 
 
 def reached(path: Path, scene: Scene, seed: int) -> tuple[float, int]:
@@ -487,7 +506,7 @@ def _put(group: netCDF4.Dataset, tables: dict[str, Table]) -> None:
                 group.createDimension(f"{name}_length", column.itemsize)
                 column, dtype = netCDF4.stringtochar(column), "S1"
                 dimensions = (*dimensions, f"{name}_length")
-            stored = group.createVariable(name, dtype, dimensions)
+            stored = group.createVariable(name, dtype, dimensions, fletcher32=True)
             _describe(
                 stored,
                 {"units": variable.units, "long_name": variable.long_name, **dict(variable.attributes)},
@@ -529,7 +548,7 @@ def _put_state(group: netCDF4.Dataset, state: dict[str, Any]) -> None:
         if array.ndim:
             group.createDimension(name, len(array))
             dimensions = (name,)
-        stored = group.createVariable(name, array.dtype, dimensions)
+        stored = group.createVariable(name, array.dtype, dimensions, fletcher32=bool(dimensions))
         _describe(
             stored,
             {"units": meaning.get(name, "1"), "long_name": f"{name.replace('_', ' ')}, to resume from"},

@@ -242,3 +242,33 @@ def test_a_full_disk_leaves_the_last_state_usable(tmp_path):
     whole = tmp_path / "whole.nc"
     run(scene, whole, events=60, encounter=synthetic.aggregation_and_breakup)
     assert identical(path, whole)
+
+
+def test_a_file_damaged_anywhere_is_refused_unless_nothing_was_lost(dataset, tmp_path):
+    """Half a kilobyte of the disk turns to noise: one line that names the file, or a run that goes on as if it had not."""
+    scene = synthetic.scene(population__initial=40, run__snapshot_every="100 ms")
+
+    def go_on(path: Path) -> Path:
+        run(scene, path, events=401, resume=True, encounter=synthetic.always_miss)
+        return path
+
+    whole = bytearray(dataset.read_bytes())
+    sound = tmp_path / "sound.nc"
+    sound.write_bytes(whole)
+    go_on(sound)
+    rng = np.random.default_rng(3)
+    refused = []
+    for block in rng.integers(0, len(whole) - 512, 25):
+        broken = whole.copy()
+        broken[block : block + 512] = rng.bytes(512)
+        damaged = tmp_path / f"damaged-{block}.nc"
+        damaged.write_bytes(broken)
+        try:
+            go_on(damaged)
+        except UserError as problem:
+            assert damaged.name in str(problem) and "\n" not in str(problem)
+            assert damaged.read_bytes() == broken
+            refused.append(block)
+        else:
+            assert differences(sound, damaged) == []
+    assert 10 < len(refused)
