@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import importlib.util
 import os
 import random
@@ -359,3 +361,60 @@ def test_progress_tells_where_the_run_stands(tmp_path):
     last = told[-1]
     assert (last.events, last.time, last.outcomes, last.done) == (EVENTS, summary.time, summary.outcomes, 1.0)
     assert last.mean_size == xr.open_dataset(summary.path)["mean_size"][-1]
+
+
+# Faults from outside
+
+
+def test_a_clock_that_jumps_does_not_touch_the_process(reference, tmp_path, monkeypatch):
+    """The system's time may be set back or forth by days: what is computed and when it is written do not hang on it."""
+    jumps = random.Random(1)
+    monkeypatch.setattr(time, "time", lambda: 1e9 * jumps.random())
+    monkeypatch.setattr(time, "time_ns", lambda: int(1e18 * jumps.random()))
+    told = []
+    summary = run(tmp_path / "run.nc", progress=told.append)
+    assert summary.elapsed >= 0.0 and all(p.remaining is None or p.remaining >= 0.0 for p in told)
+    assert differences(reference, tmp_path / "run.nc") == []
+
+
+def test_a_disk_that_fills_while_a_run_goes_is_told_and_costs_nothing(reference, tmp_path, monkeypatch):
+    """The disk fills at the third writing: one clear line; what was written before is whole, and the run goes on from it."""
+    from mcdem import record
+
+    path, writings = tmp_path / "run.nc", []
+
+    def full(beside):
+        writings.append(beside)
+        if len(writings) > 4:  # a file and its folder for each writing
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(record, "_to_disk", full)
+        patch.setattr(simulate, "SHARE_OF_WRITING", 1e9)
+        with pytest.raises(
+            UserError, match=r"cannot be written \(.*No space left.*intact.*--resume"
+        ) as caught:
+            run(path, checkpoint_every=0.0)
+        assert "\n" not in str(caught.value)
+    assert stored_events(path) == 1
+    assert [p.name for p in tmp_path.iterdir() if p.suffix == ".part"] == []
+    run(path, resume=True)
+    assert differences(reference, path) == []
+
+
+@pytest.mark.slow
+def test_killed_at_twenty_random_moments_it_gives_the_same_dataset(reference, tmp_path):
+    """Whenever SIGKILL comes, from the first import on, while it computes or while it writes."""
+    path = tmp_path / "run.nc"
+    moments = random.Random(2)
+    for _ in range(20):
+        before = stored_events(path)
+        process = start(path, "--events", str(EVENTS), "--workers", "1")
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(moments.uniform(0.5, 6.0))
+        process.kill()
+        process.wait()
+        process.stdout.close()
+        assert stored_events(path) >= before
+    run(path, resume=True)
+    assert differences(reference, path) == []
