@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mcdem.aggregate import overlap_limit
 from mcdem.encounter import physics_of
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mcdem.scene import Scene
+
+
+MATRIX_FREE_FROM = 300
+"""Number of spheres from which no dense matrix is made: there both paths take as long (`benchmarks/performance.py`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +42,8 @@ def velocities(
     """Velocities of free spheres of the scene's radius in its flow, with no direct forces between them.
 
     positions : (N, 3) [m];  forces : (N, 3) [N] and torques : (N, 3) [N m], external, zero by default.
-    Stokesian dynamics of Durlofsky, Brady & Bossis (1987) with the scene's hydrodynamics table.
+    Stokesian dynamics of Durlofsky, Brady & Bossis (1987) with the scene's hydrodynamics table; from MATRIX_FREE_FROM spheres on
+    by iteration in O(N) memory on all cores, to 1e-6.
     Raises `UserError` for wrong shapes, numbers that are not finite, or spheres that overlap grossly.
     """
     x = np.array(positions, dtype=float, ndmin=2)
@@ -54,30 +60,29 @@ def velocities(
             )
     radius, units = scene.suspension.radius, scene.reduced
     if len(x) > 1:
-        gaps = np.linalg.norm(x[:, None] - x[None], axis=2) - 2.0 * radius
-        np.fill_diagonal(gaps, np.inf)
-        if gaps.min() < -overlap_limit(scene) * radius:
-            i, j = np.unravel_index(gaps.argmin(), gaps.shape)
+        nearest, neighbour = cKDTree(x).query(x, k=2)
+        gap = nearest[:, 1] - 2.0 * radius
+        if gap.min() < -overlap_limit(scene) * radius:
+            i = int(gap.argmin())
+            j = int(neighbour[i, 1])
             raise UserError(
-                f"positions: spheres {i} and {j} overlap by {-gaps[i, j] / radius:.3g} radii: move them apart "
+                f"positions: spheres {i} and {j} overlap by {-gap[i] / radius:.3g} radii: move them apart "
                 "(are the positions in metres?)"
             )
     flow, physics = physics_of(scene)
-    five = np.empty((len(x), 5))
-    code, linear, angular = solve_velocities(
-        workspace(len(x)),
-        x / units.length,
-        np.ones(len(x)),
-        flow.gradient,
-        flow.strain,
-        flow.strain_five,
-        f / units.force,
-        t / units.energy,
-        physics.cutoff,
-        physics.shifted,
-        physics.table,
-        five,
-    )
+    flow_terms = (flow.gradient, flow.strain, flow.strain_five, f / units.force, t / units.energy)
+    lubrication = (physics.cutoff, physics.shifted, physics.table)
+    radii = np.ones(len(x))
+    if len(x) >= MATRIX_FREE_FROM:
+        from mcdem.hydrodynamics import matrix_free  # compiled for several cores, and seldom needed
+
+        found = matrix_free.solve_velocities(x / units.length, radii, *flow_terms, *lubrication)
+        linear, angular, five, code = found.linear, found.angular, found.stresslet, 0
+    else:
+        five = np.empty((len(x), 5))
+        code, linear, angular = solve_velocities(
+            workspace(len(x)), x / units.length, radii, *flow_terms, *lubrication, five
+        )
     if code != 0:
         raise ArithmeticError("the resistance matrix of these spheres is not positive definite")
     return Velocities(linear * units.velocity, angular / units.time, five_to_tensor(five) * units.energy)

@@ -1,0 +1,403 @@
+"""Velocities of many spheres without a dense matrix: the same equations as `stokesian`, in O(N) memory.
+
+Unknown are the rates v = (omega - omega_inf | u - u_inf) and the far-field stresslets S.  The far field carries what the
+two-body part does not, (T, F) = external + drive - R v, and
+
+    M_SS S + M_SF (T, F) = -E_inf,      M_FS S + M_FF (T, F) = v,
+
+with M the grand mobility of `far_field` and R, drive those of `lubrication`.  M is applied pair by pair on all cores.  R is
+kept as a sparse matrix up to RANGE; what is left of it beyond, a sum of terms in (a/r)^6, enters by refinement of the
+residual, which takes all pairs.  GMRES is preconditioned by the near part of R with the drag of single spheres, factorised.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sparse
+from numba import njit, prange
+from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator, gmres, splu
+from scipy.spatial import cKDTree
+
+from mcdem.hydrodynamics import lubrication
+from mcdem.hydrodynamics.far_field import five_to_tensor
+
+RANGE = 8.0
+"""Centre distance in radii up to which the two-body part is kept as a sparse matrix."""
+NEAR = 2.6
+"""Centre distance in radii up to which it enters the preconditioner."""
+TOLERANCE = 1e-6
+"""Norm of the residual over that of the right-hand side."""
+REFINEMENTS = 12
+"""Times the residual of all pairs is formed, at most."""
+
+
+class Solution(NamedTuple):
+    """What `solve_velocities` found, in reduced units; `iterations` of GMRES, `residual` over the right-hand side."""
+
+    linear: NDArray[np.float64]  # (N, 3)
+    angular: NDArray[np.float64]  # (N, 3)
+    stresslet: NDArray[np.float64]  # (N, 5) that the fluid exerts on the spheres
+    iterations: int
+    residual: float
+
+
+# Sums may be taken in any order, so that several pairs go through the processor at once.
+_ANY_ORDER = {"reassoc", "contract", "arcp", "nsz"}
+
+
+@njit(cache=True, parallel=True, fastmath=_ANY_ORDER)
+def apply_mobility(places, radii, moments, rates):
+    """Rates (12, N) that moments (12, N) on spheres at `places` (3, N) cause; a row a component, so that loops run along memory.
+
+    moments : force, torque, and the stresslet as xx, yy, zz, xy, xz, yz;  rates : linear, angular, and -strain likewise, up to
+    its trace.  The scalars are those of `far_field.grand_mobility`, with d the unit vector from the other sphere to this one.
+    """
+    n = radii.shape[0]
+    for i in prange(n):
+        a = radii[i]
+        x, y, z = places[0, i], places[1, i], places[2, i]
+        u0 = u1 = u2 = w0 = w1 = w2 = e0 = e1 = e2 = e3 = e4 = e5 = 0.0
+        for j in range(n):
+            b = radii[j]
+            d0, d1, d2 = x - places[0, j], y - places[1, j], z - places[2, j]
+            r = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+            # A sphere's own term comes out as nothing: it has no distance and is weighted by none.
+            weight = 1.0 if j != i else 0.0
+            inverse = weight / max(r, 1e-300)
+            d0, d1, d2 = d0 * inverse, d1 * inverse, d2 * inverse
+            u = weight / max(r, a + b)
+            v2 = u * u
+            v3 = v2 * u
+            squares = a * a + b * b
+            xa, ya = 1.5 * u - 0.5 * squares * v3, 0.75 * u + 0.25 * squares * v3
+            yb, xc, yc, yh = 0.75 * v2, 0.75 * v3, -0.375 * v3, -1.125 * v3
+            own, other = a * a / 10.0 + b * b / 6.0, b * b / 10.0 + a * a / 6.0
+            xg, yg = -2.25 * v2 + 13.5 * own * v2 * v2, -4.5 * own * v2 * v2
+            xg_other, yg_other = -2.25 * v2 + 13.5 * other * v2 * v2, -4.5 * other * v2 * v2
+            xm = -4.5 * v3 + 5.4 * squares * v3 * v2
+            ym = 2.25 * v3 - 3.6 * squares * v3 * v2
+            zm = 0.9 * squares * v3 * v2
+            f0, f1, f2 = moments[0, j], moments[1, j], moments[2, j]
+            t0, t1, t2 = moments[3, j], moments[4, j], moments[5, j]
+            sxx, syy, szz = moments[6, j], moments[7, j], moments[8, j]
+            sxy, sxz, syz = moments[9, j], moments[10, j], moments[11, j]
+            sd0 = sxx * d0 + sxy * d1 + sxz * d2
+            sd1 = sxy * d0 + syy * d1 + syz * d2
+            sd2 = sxz * d0 + syz * d1 + szz * d2
+            dsd = d0 * sd0 + d1 * sd1 + d2 * sd2
+            df = d0 * f0 + d1 * f1 + d2 * f2
+            # Crosses with d on the right.
+            fx, fy, fz = f1 * d2 - f2 * d1, f2 * d0 - f0 * d2, f0 * d1 - f1 * d0
+            tx, ty, tz = t1 * d2 - t2 * d1, t2 * d0 - t0 * d2, t0 * d1 - t1 * d0
+            along = (xa - ya) * df - (xg_other - 2.0 * yg_other) * dsd
+            u0 += ya * f0 + along * d0 + yb * tx - 2.0 * yg_other * sd0
+            u1 += ya * f1 + along * d1 + yb * ty - 2.0 * yg_other * sd1
+            u2 += ya * f2 + along * d2 + yb * tz - 2.0 * yg_other * sd2
+            along = (xc - yc) * (d0 * t0 + d1 * t1 + d2 * t2)
+            w0 += yc * t0 + along * d0 + yb * fx + 2.0 * yh * (d1 * sd2 - d2 * sd1)
+            w1 += yc * t1 + along * d1 + yb * fy + 2.0 * yh * (d2 * sd0 - d0 * sd2)
+            w2 += yc * t2 + along * d2 + yb * fz + 2.0 * yh * (d0 * sd1 - d1 * sd0)
+            radial = (xg - 2.0 * yg) * df + (1.5 * xm - 2.0 * ym + 0.5 * zm) * dsd
+            mixed = 2.0 * ym - 2.0 * zm
+            # Symmetrised products of d with these.
+            g0 = 2.0 * yg * f0 + 2.0 * yh * tx + mixed * sd0 + radial * d0
+            g1 = 2.0 * yg * f1 + 2.0 * yh * ty + mixed * sd1 + radial * d1
+            g2 = 2.0 * yg * f2 + 2.0 * yh * tz + mixed * sd2 + radial * d2
+            e0 += d0 * g0 + zm * sxx
+            e1 += d1 * g1 + zm * syy
+            e2 += d2 * g2 + zm * szz
+            e3 += 0.5 * (d0 * g1 + d1 * g0) + zm * sxy
+            e4 += 0.5 * (d0 * g2 + d2 * g0) + zm * sxz
+            e5 += 0.5 * (d1 * g2 + d2 * g1) + zm * syz
+        turn, strain = 0.75 / a**3, 0.9 / a**3
+        rates[0, i], rates[1, i], rates[2, i] = (
+            u0 + moments[0, i] / a,
+            u1 + moments[1, i] / a,
+            u2 + moments[2, i] / a,
+        )
+        rates[3, i], rates[4, i], rates[5, i] = (
+            w0 + turn * moments[3, i],
+            w1 + turn * moments[4, i],
+            w2 + turn * moments[5, i],
+        )
+        rates[6, i], rates[7, i], rates[8, i] = (
+            e0 + strain * moments[6, i],
+            e1 + strain * moments[7, i],
+            e2 + strain * moments[8, i],
+        )
+        rates[9, i], rates[10, i], rates[11, i] = (
+            e3 + strain * moments[9, i],
+            e4 + strain * moments[10, i],
+            e5 + strain * moments[11, i],
+        )
+
+
+def mobility_product(places, radii, stresslets, torques, forces):
+    """(strains (N, 5), angular (N, 3), linear (N, 3)) that stresslets (N, 5), torques and forces (N, 3) cause.
+
+    places : (3, N) positions, in the order of rows
+    """
+    tensor = five_to_tensor(stresslets)
+    moments = np.concatenate([forces.T, torques.T, tensor[:, (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)].T])
+    rates = np.empty_like(moments)
+    apply_mobility(places, radii, np.ascontiguousarray(moments), rates)
+    xx, yy, zz, xy, xz, yz = rates[6:]
+    strains = np.column_stack(
+        [
+            (xx - yy) / np.sqrt(2.0),
+            (2.0 * zz - xx - yy) / np.sqrt(6.0),
+            np.sqrt(2.0) * xy,
+            np.sqrt(2.0) * xz,
+            np.sqrt(2.0) * yz,
+        ]
+    )
+    return strains, rates[3:6].T, rates[:3].T
+
+
+@njit(cache=True)
+def near_blocks(positions, radii, pairs, cutoff, shifted, strain, table, blocks, own, drive):
+    """Two-body part of some pairs (B, 2), i > j.
+
+    blocks (B, 6, 6) resistance of i against j in the order (omega, u); own (N, 6, 6) that of each against itself, added to;
+    drive (6N,), ordered (omega | u), added to
+    """
+    raw, scalars, d = np.empty(22), np.empty((11, 4)), np.empty(3)
+    local = np.empty((12, 12))
+    for p in range(pairs.shape[0]):
+        i, j = pairs[p, 0], pairs[p, 1]
+        shift = pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d)
+        local[:] = 0.0
+        lubrication.add_pair_resistance(scalars, 1, 0, d, local)
+        lubrication.add_pair_drive(scalars, i, j, d, strain, shift, drive)
+        for row in range(12):
+            for column in range(row):
+                local[column, row] = local[row, column]
+        for k in range(6):
+            for m in range(6):
+                # Of the pair, sphere 1 is i; locally its rows are 3:6 and 9:12.
+                ik, im = 3 + k + (3 if k > 2 else 0), 3 + m + (3 if m > 2 else 0)
+                jk, jm = k + (3 if k > 2 else 0), m + (3 if m > 2 else 0)
+                own[i, k, m] += local[ik, im]
+                own[j, k, m] += local[jk, jm]
+                blocks[p, k, m] = local[ik, jm]
+
+
+@njit(cache=True, inline="always")
+def pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d):
+    """Scalars (11, 4) of a pair and d (3,), the unit vector from i to j; returns the shift of its distance."""
+    r = 0.0
+    for k in range(3):
+        d[k] = positions[j, k] - positions[i, k]
+        r += d[k] * d[k]
+    r = np.sqrt(r)
+    for k in range(3):
+        d[k] /= r
+    true_gap = r - radii[i] - radii[j]
+    gap = max(true_gap, cutoff)
+    lubrication.pair_scalars(gap, table, raw, scalars)
+    return gap - true_gap if shifted else 0.0
+
+
+@njit(cache=True, parallel=True)
+def distant_load(positions, radii, rates, reach, cutoff, shifted, table, load):
+    """load (6N,) += R rates of all pairs beyond `reach`; row by row, so that cores do not meet."""
+    n = radii.shape[0]
+    for i in prange(n):
+        raw, scalars, d = np.empty(22), np.empty((11, 4)), np.empty(3)
+        local, six = np.empty((12, 12)), np.empty(12)
+        for j in range(n):
+            r = 0.0
+            for k in range(3):
+                r += (positions[i, k] - positions[j, k]) ** 2
+            if j == i or r <= reach * reach:
+                continue
+            pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d)
+            local[:] = 0.0
+            lubrication.add_pair_resistance(scalars, 1, 0, d, local)
+            for k in range(3):
+                six[k], six[3 + k] = rates[3 * j + k], rates[3 * i + k]
+                six[6 + k], six[9 + k] = rates[3 * (n + j) + k], rates[3 * (n + i) + k]
+            for k in range(3):
+                for row, place in ((3 + k, 3 * i + k), (9 + k, 3 * (n + i) + k)):
+                    for column in range(12):
+                        entry = local[row, column] if column <= row else local[column, row]
+                        load[place] += entry * six[column]
+
+
+@njit(cache=True)
+def distant_drive(positions, radii, reach, cutoff, shifted, strain, table, drive):
+    """drive (6N,) += that of all pairs beyond `reach`."""
+    n = radii.shape[0]
+    raw, scalars, d = np.empty(22), np.empty((11, 4)), np.empty(3)
+    for i in range(n):
+        for j in range(i):
+            r = 0.0
+            for k in range(3):
+                r += (positions[i, k] - positions[j, k]) ** 2
+            if r > reach * reach:
+                shift = pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d)
+                lubrication.add_pair_drive(scalars, i, j, d, strain, shift, drive)
+
+
+@njit(cache=True)
+def pair_stresslets(positions, radii, rates, cutoff, strain_five, table, out):
+    """Two-body stresslets of all pairs, added to out (N, 5)."""
+    raw, scalars, d = np.empty(22), np.empty((11, 4)), np.empty(3)
+    for i in range(radii.shape[0]):
+        for j in range(i):
+            pair_of(positions, radii, i, j, cutoff, False, table, raw, scalars, d)
+            lubrication.add_pair_stresslet(scalars, i, j, d, rates, strain_five, out)
+
+
+class TwoBody:
+    """The two-body resistance R (6N, 6N, ordered omega | u) and what the strain drives; no R where there is no lubrication."""
+
+    def __init__(self, positions, radii, strain, cutoff, shifted, table) -> None:
+        n = len(radii)
+        self.positions, self.radii, self.table = positions, radii, table
+        self.cutoff, self.shifted = cutoff, shifted
+        self.drive = np.zeros(6 * n)
+        self.near = sparse.csr_array((6 * n, 6 * n))
+        self.nearest = self.near
+        if table is None:
+            return
+        pairs = cKDTree(positions).query_pairs(RANGE, output_type="ndarray")
+        pairs = np.sort(pairs, axis=1)[:, ::-1].astype(np.int64).reshape(-1, 2)
+        blocks, own = np.empty((len(pairs), 6, 6)), np.zeros((n, 6, 6))
+        near_blocks(
+            positions,
+            radii,
+            np.ascontiguousarray(pairs),
+            cutoff,
+            shifted,
+            strain,
+            table,
+            blocks,
+            own,
+            self.drive,
+        )
+        distant_drive(positions, radii, RANGE, cutoff, shifted, strain, table, self.drive)
+        self.near = _assembled(n, pairs, blocks, own)
+        distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
+        close = distance < NEAR
+        self.nearest = _assembled(n, pairs[close], blocks[close], own)
+
+    def load(self, rates: NDArray[np.float64]) -> NDArray[np.float64]:
+        """R rates, of all pairs."""
+        load = self.near @ rates
+        if self.table is not None:
+            distant_load(
+                self.positions, self.radii, rates, RANGE, self.cutoff, self.shifted, self.table, load
+            )
+        return load
+
+
+def _assembled(n: int, pairs, blocks, own) -> sparse.csr_array:
+    """The sparse matrix of blocks (B, 6, 6) of pairs and (N, 6, 6) on the diagonal, ordered (omega | u)."""
+    first, second = pairs[:, 0], pairs[:, 1]
+    data = np.concatenate([own, blocks, blocks.transpose(0, 2, 1)])
+    row = np.concatenate([np.arange(n), first, second])
+    column = np.concatenate([np.arange(n), second, first])
+    # Entry k of a block belongs to omega for k < 3, else to u.
+    place = np.array([0, 1, 2, 3 * n, 3 * n + 1, 3 * n + 2])
+    rows = np.broadcast_to((3 * row)[:, None, None] + place[None, :, None], data.shape)
+    columns = np.broadcast_to((3 * column)[:, None, None] + place[None, None, :], data.shape)
+    return sparse.coo_array((data.ravel(), (rows.ravel(), columns.ravel())), shape=(6 * n, 6 * n)).tocsr()
+
+
+def solve_velocities(
+    positions,
+    radii,
+    gradient,
+    strain,
+    strain_five,
+    forces,
+    torques,
+    cutoff,
+    shifted,
+    table,
+    tolerance: float = TOLERANCE,
+) -> Solution:
+    """Velocities of free spheres under given forces and torques; reduced units, arguments as `stokesian.solve_velocities`.
+
+    Raises `ArithmeticError` if the residual does not fall to `tolerance`.
+    """
+    positions = np.ascontiguousarray(positions)
+    n = len(radii)
+    two_body = TwoBody(positions, radii, strain, cutoff, shifted, table)
+    external = np.concatenate([np.ravel(torques), np.ravel(forces)]) + two_body.drive
+    # Of a single sphere: rates over torques and forces.
+    single = np.concatenate([np.repeat(0.75 / radii**3, 3), np.repeat(1.0 / radii, 3)])
+    drag = sparse.diags_array(1.0 / single)
+    factor = splu(
+        (two_body.nearest + drag).tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}
+    )
+    tensor_scale = np.repeat(0.9 / radii**3, 5)
+
+    places = np.ascontiguousarray(positions.T)
+
+    def rates_of(stresslets, loads):
+        strains, angular, linear = mobility_product(
+            places,
+            radii,
+            stresslets.reshape(n, 5),
+            loads[: 3 * n].reshape(n, 3),
+            loads[3 * n :].reshape(n, 3),
+        )
+        return strains.ravel(), np.concatenate([angular.ravel(), linear.ravel()])
+
+    def residual_of(x, load):
+        strains, rates = rates_of(x[: 5 * n], load)
+        return np.concatenate([strains, rates - x[5 * n :]])
+
+    def precondition(y):
+        s = y[: 5 * n] / tensor_scale
+        return np.concatenate([s, -factor.solve(y[5 * n :] / single)])
+
+    size = 11 * n
+    linear_part = LinearOperator(
+        (size, size), matvec=lambda x: residual_of(x, -(two_body.near @ x[5 * n :])), dtype=float
+    )
+    preconditioner = LinearOperator((size, size), matvec=precondition, dtype=float)
+    target = np.concatenate([-np.tile(strain_five, n), np.zeros(6 * n)])
+    x = np.zeros(size)
+    scale = np.linalg.norm(target - residual_of(x, external))
+    iterations = [0]
+    misfit = np.inf
+    for _ in range(REFINEMENTS):
+        residual = target - residual_of(x, external - two_body.load(x[5 * n :]))
+        misfit = float(np.linalg.norm(residual) / scale) if scale > 0.0 else 0.0
+        if misfit <= tolerance:
+            break
+        step, _ = gmres(
+            linear_part,
+            residual,
+            rtol=max(0.1 * tolerance / misfit, 1e-3),
+            restart=80,
+            maxiter=3,
+            M=preconditioner,
+            callback=lambda _: iterations.__setitem__(0, iterations[0] + 1),
+            callback_type="pr_norm",
+        )
+        x += step
+    else:
+        raise ArithmeticError(
+            f"the velocities of {n} spheres are known to {misfit:.1e} only, not to {tolerance:.1e}"
+        )
+    rates = x[5 * n :]
+    stresslets = x[: 5 * n].reshape(n, 5).copy()
+    if table is not None:
+        pair_stresslets(positions, radii, rates, cutoff, strain_five, table, stresslets)
+    vorticity = np.array(
+        [gradient[2, 1] - gradient[1, 2], gradient[0, 2] - gradient[2, 0], gradient[1, 0] - gradient[0, 1]]
+    )
+    return Solution(
+        rates[3 * n :].reshape(n, 3) + positions @ gradient.T,
+        rates[: 3 * n].reshape(n, 3) + 0.5 * vorticity,
+        -stresslets,
+        iterations[0],
+        misfit,
+    )
