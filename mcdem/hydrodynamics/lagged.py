@@ -84,11 +84,12 @@ def follow_turns(kept, positions, labels, bodies):
     for body in range(bodies):
         now[:] = 0.0
         then[:] = 0.0
-        members, some = 0, 0
+        fit[:] = 0.0
+        members = 0
         for i in range(n):
             if labels[i] == body:
                 members += 1
-                some = i
+                fit += kept.turns[i]
                 for k in range(3):
                     now[k] += positions[i, k]
                     then[k] += kept.positions[i, k]
@@ -97,10 +98,11 @@ def follow_turns(kept, positions, labels, bodies):
         for k in range(3):
             now[k] /= members
             then[k] /= members
-        # Directions that the spheres do not fix (a doublet's axis) follow the last rotation.
+        # Directions that the spheres do not fix (a doublet's axis) follow the last rotation: the mean of all, as those
+        # of bodies taken together differ.
         for p in range(3):
             for q in range(3):
-                fit[p, q] = 0.01 * kept.turns[some, p, q]
+                fit[p, q] *= 0.01 / members
         for i in range(n):
             if labels[i] == body:
                 for p in range(3):

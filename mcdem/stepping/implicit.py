@@ -83,6 +83,7 @@ class Scratch(NamedTuple):
     normals: np.ndarray  # (B, 3)
     slopes: np.ndarray  # (B,) stiffness of the contacts now, and ...
     factor_slopes: np.ndarray  # (B,) ... in the Jacobian that is factorised
+    turnings: np.ndarray  # (B,) tension over length of the contacts, their resistance to turning
 
 
 def scratch(n: int) -> Scratch:
@@ -103,6 +104,7 @@ def scratch(n: int) -> Scratch:
         np.empty(n, np.int64),
         np.empty((n * (n - 1) // 2, 2), np.int64),
         np.empty((n * (n - 1) // 2, 3)),
+        np.empty(n * (n - 1) // 2),
         np.empty(n * (n - 1) // 2),
         np.empty(n * (n - 1) // 2),
     )
@@ -252,17 +254,19 @@ def add_two_body(hydro, radii, strain, cutoff, shifted, table):
 
 @njit(cache=True)
 def add_stiffness(matrix, step, contacts, work):
-    """Jacobian of the contact problem: resistance over the step plus the contacts' stiffness, by `work.slopes`."""
+    """Jacobian of the contact problem: resistance over the step plus the contacts' stiffness (slopes, turnings)."""
     jacobian = work.jacobian
     for row in range(jacobian.shape[0]):
         for column in range(row + 1):
             jacobian[row, column] = matrix[row, column] / step
     for b in range(contacts):
-        i, j, slope = work.pairs[b, 0], work.pairs[b, 1], work.slopes[b]
+        i, j, slope, turning = work.pairs[b, 0], work.pairs[b, 1], work.slopes[b], work.turnings[b]
         work.factor_slopes[b] = slope
         for k in range(3):
             for l in range(3):
-                value = slope * work.normals[b, k] * work.normals[b, l]
+                value = (slope - turning) * work.normals[b, k] * work.normals[b, l]
+                if k == l:
+                    value += turning
                 jacobian[3 * i + k, 3 * j + l] -= value
                 if l <= k:
                     jacobian[3 * i + k, 3 * i + l] += value
@@ -316,6 +320,9 @@ def solve_contacts(positions, radii, contacts, gaps, step, jkr, dmt, work):
                 force, tangent = contact_force(gap, radius, jkr, dmt)
                 slope = max(-tangent, 0.02 * stiffness)
             work.slopes[b] = slope
+            # Tension resists the turning of its line, and without that the iteration overshoots it once a contact
+            # pulls harder than the fluid holds.  Compression would make the matrix indefinite: it is left out.
+            work.turnings[b] = max(-force, 0.0) / (old + new)
             if keep and abs(slope - work.factor_slopes[b]) > 0.1 * stiffness:
                 keep = False
             for k in range(3):
