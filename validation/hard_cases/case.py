@@ -120,7 +120,7 @@ class Whole:
     """An encounter by the default engine, from its start to its end."""
 
     def __init__(self, case: Encounter) -> None:
-        self.case, self.scene = case, case.scene()
+        self.case, self.scene, self.outcomes = case, case.scene(), case.outcomes
         self.first, self.second = case.first(self.scene), case.second(self.scene)
 
     @cached_property

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import mcdem
+from validation.fuzz import FOUND
 from validation.hard_cases.case import Case, Encounter, Ensemble, Refused, Suspension
 from validation.hard_cases.shapes import (
     at_pull_off,
@@ -120,6 +121,11 @@ CLUSTERS: list[Case] = [
     Encounter("a ball of 147", "a dense, redundant cluster", shape(ball_centres(147), 1), monomer, strain=0.3, quick=False),
     Encounter("two balls of 100", "the largest that meet", shape(ball_centres(100), 1), shape(ball_centres(100), 2),
               strain=0.3, offset=(0.1, 0.8), quick=False),
+    Encounter("two balls of 100, head on", "the largest that stick", shape(ball_centres(100), 1),
+              shape(ball_centres(100), 2), strain=0.3, offset=(0.1, 0.3), quick=False, expected={
+                  "ends in time": "joined by a few contacts they roll on each other through all eight rotations"}),
+    Encounter("an open necklace of 60", "a large floppy cluster", shape(walk_centres(60, 2), 1), monomer, chaotic=True,
+              strain=0.5, quick=False),
     Encounter("a primary and a cluster of 150", "sizes far apart", monomer, shape(ball_centres(150), 1), strain=0.3,
               offset=(0.1, 0.9), quick=False),
     Ensemble("chaotic clusters", "asks whether the step decides what comes out",
@@ -140,4 +146,4 @@ SUSPENSIONS: list[Case] = [
         "population.initial": 20, "numerics.most_steps": 40}, 40, ("events",), unresolved=True),
 ]  # fmt: skip
 
-CATALOGUE: tuple[Case, ...] = (*GRAZING, *CONTACTS, *MATERIAL, *CLUSTERS, *SUSPENSIONS)
+CATALOGUE: tuple[Case, ...] = (*GRAZING, *CONTACTS, *MATERIAL, *CLUSTERS, *SUSPENSIONS, *FOUND)

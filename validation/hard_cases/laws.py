@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import xarray as xr
 from scipy import stats
 
-import mcdem
 from mcdem.effects import contact_force, non_contact_force
 from mcdem.encounter import OUTCOMES, classify, physics_of
 from mcdem.hydrodynamics import stokesian
@@ -26,10 +25,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mcdem.aggregate import Aggregate
     from mcdem.encounter import EncounterResult
     from mcdem.scene import Scene
     from mcdem.simulate import Summary
-    from validation.hard_cases.case import Course, Suspension, Whole
+    from validation.hard_cases.case import Course, Suspension
 
 Margin = tuple[float, str]
 
@@ -52,16 +52,28 @@ def yes(condition: bool, words: str) -> Margin:
 # Of the result of an encounter
 
 
-def ends(whole: Whole) -> Margin:
+class Followed(Protocol):
+    """An encounter that has come to its end; `outcomes` are those that it may have, any if there are none."""
+
+    scene: Scene
+    first: Aggregate
+    second: Aggregate
+    outcomes: tuple[str, ...]
+
+    @property
+    def result(self) -> EncounterResult: ...
+
+
+def ends(whole: Followed) -> Margin:
     """It ends with an outcome; one that is unresolved says why, and keeps where it stopped."""
-    r, case = whole.result, whole.case
-    named = r.outcome in OUTCOMES and (not case.outcomes or r.outcome in case.outcomes)
+    r = whole.result
+    named = r.outcome in (whole.outcomes or OUTCOMES)
     if r.outcome == "unresolved":
         named &= bool(r.reason) and r.state is not None and bool(np.isfinite(r.state).all())
     return yes(named, r.outcome + (f": {r.reason}" if r.reason else ""))
 
 
-def ends_in_time(whole: Whole) -> Margin:
+def ends_in_time(whole: Followed) -> Margin:
     """It takes no longer than a minute."""
     return in_time(whole.result.cpu_time)
 
@@ -71,7 +83,7 @@ def in_time(seconds: float) -> Margin:
     return below(seconds, SECONDS, f"{seconds:.2g} s")
 
 
-def conserves(whole: Whole) -> Margin:
+def conserves(whole: Followed) -> Margin:
     """Every primary leaves in exactly one product, and the outcome is what their sets say."""
     r, first, second = whole.result, whole.first, whole.second
     total = first.size + second.size
@@ -81,7 +93,7 @@ def conserves(whole: Whole) -> Margin:
     return yes(every and sizes and told, f"{total} primaries in {len(r.products)} products")
 
 
-def is_finite(whole: Whole) -> Margin:
+def is_finite(whole: Followed) -> Margin:
     """No product holds anything but numbers."""
     r = whole.result
     numbers = all(np.isfinite(p.positions).all() for p in r.products) and np.isfinite(r.centres).all()
@@ -89,7 +101,7 @@ def is_finite(whole: Whole) -> Margin:
     return yes(bool(numbers and scalars), "products, centres, times, tension")
 
 
-def products_hold_together(whole: Whole) -> Margin:
+def products_hold_together(whole: Followed) -> Margin:
     """Contacts of the products are no longer than the pull-off gap; centred, connected."""
     r, scene = whole.result, whole.scene
     reach = pull_off_gap(scene)
@@ -126,18 +138,29 @@ def dissipates(course: Course) -> Margin:
 
     In units of what as many free spheres far apart dissipate, (20/3) pi mu a^3 E:E each.
     """
+    flow, physics = physics_of(course.scene)
+    n = len(course.start.positions)
+    free = 10.0 / 9.0 * (flow.strain_five**2).sum() * n  # the same in the units of the engine
     worst = math.inf
-    scene = course.scene
-    gradient = np.array([[0, 0, 0], [0, 0, 0], [0, scene.flow.shear_rate, 0]], float)
-    strain = 0.5 * (gradient + gradient.T)
-    radius, viscosity = scene.suspension.radius, scene.flow.viscosity
-    free = 20.0 / 3.0 * math.pi * viscosity * radius**3 * (strain**2).sum() * len(course.start.positions)
     for positions, bonded in course.seen.states:
-        forces = direct_forces(scene, positions, bonded) * scene.reduced.force
-        at = positions * radius
-        moved = mcdem.velocities(scene, at, forces)
-        power = (forces * (moved.linear - at @ gradient.T)).sum()
-        power += np.einsum("nij,ij->", moved.stresslet, strain)
+        forces, stresslet = direct_forces(course.scene, positions, bonded), np.empty((n, 5))
+        code, linear, _ = stokesian.solve_velocities(
+            stokesian.workspace(n),
+            positions,
+            np.ones(n),
+            flow.gradient,
+            flow.strain,
+            flow.strain_five,
+            forces,
+            np.zeros((n, 3)),
+            physics.cutoff,
+            physics.shifted,
+            physics.table,
+            stresslet,
+        )
+        if code != 0:
+            return -1.0, "the resistance matrix could not be factorised"
+        power = (forces * (linear - positions @ flow.gradient.T)).sum() + (stresslet @ flow.strain_five).sum()
         worst = min(worst, power / free)
     return worst, f"at least {worst:.3g} of free spheres'"
 
