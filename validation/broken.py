@@ -56,6 +56,18 @@ def delta_moved() -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def distances_long() -> Iterator[None]:
+    """Free spheres feel each other as if they were 5 % further apart."""
+    from mcdem import free_spheres
+
+    intact = free_spheres.solve_velocities
+    with mock.patch.object(
+        free_spheres, "solve_velocities", lambda work, positions, *rest: intact(work, 1.05 * positions, *rest)
+    ):
+        yield
+
+
+@contextlib.contextmanager
 def weak_attraction() -> Iterator[None]:
     """Van der Waals attraction is a third of what the scene says."""
 
@@ -136,17 +148,33 @@ def flat_encounter_rates() -> Iterator[None]:
         yield
 
 
+@contextlib.contextmanager
+def aggregation_half() -> Iterator[None]:
+    """Kernels of the population balance are half of what they should be, as when pairs are counted wrongly."""
+    from pbekit import kernels
+
+    def halved(intact):
+        return lambda self, i, j: 0.5 * intact(self, i, j)
+
+    with contextlib.ExitStack() as stack:
+        for kernel in (kernels.Constant, kernels.Sum, kernels.Product):
+            stack.enter_context(mock.patch.object(kernel, "__call__", halved(kernel.__call__)))
+        yield
+
+
 WAYS: dict[str, Callable[[], contextlib.AbstractContextManager]] = {
     way.__name__: way
     for way in (
         strain_sign,
         no_lubrication,
         delta_moved,
+        distances_long,
         weak_attraction,
         torque_sign,
         squeeze_low,
         doubling_loses_a_copy,
         flat_encounter_rates,
+        aggregation_half,
     )
 }
 

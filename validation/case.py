@@ -120,6 +120,11 @@ def below(quantity: str, measured: float, high: float, **more: Any) -> Check:
     return Check(quantity, float(measured), -math.inf, high, **more)
 
 
+def above(quantity: str, measured: float, low: float, **more: Any) -> Check:
+    """The measured number is at least `low`."""
+    return Check(quantity, float(measured), low, math.inf, **more)
+
+
 def shown(quantity: str, measured: float, **more: Any) -> Check:
     """A number for orientation, not judged."""
     return Check(quantity, float(measured), judged=False, **more)

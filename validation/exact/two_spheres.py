@@ -85,3 +85,17 @@ def trajectory(x0, y0, z0=-10.0, leave=10.0, duration=400.0, force=lambda gap: 0
     )
     solution.met = len(solution.t_events[0]) > 0
     return solution
+
+
+def van_der_waals(scene):
+    """gap [a] -> force [6 pi mu a^2 g] of the paper's Eq. 11, retarded as Schenkel & Kitchener (1960) did; written from them."""
+    law, units = scene.effects.van_der_waals, scene.reduced
+
+    def force(gap):
+        distance = gap * units.length + law.minimum_approach
+        p = 2.0 * np.pi * distance / law.london_wavelength
+        near = (1.0 + 3.54 * p) / (1.0 + 1.77 * p) ** 2
+        retarded = near if p < 0.5709 else 0.98 / p - 0.434 / p**2 + 0.0674 / p**3
+        return -law.hamaker_constant * units.length / (12.0 * distance**2) * retarded / units.force
+
+    return force
