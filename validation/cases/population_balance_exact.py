@@ -92,9 +92,8 @@ def judge(context: Context, found):
             said = f"{name}, {scheme}"
             checks.append(below(f"{said}: mass lost", max(row[name][1] for row in rows), 1e-12))
             if scheme == "fixed pivot":
-                order = np.log(errors[name, scheme][-2] / errors[name, scheme][-1]) / np.log(
-                    np.log(ratios[-2]) / np.log(ratios[-1])
-                )
+                finest, width = errors[name, scheme][-2:], np.log(ratios[-2:])
+                order = np.log(finest[0] / finest[1]) / np.log(width[0] / width[1])
                 checks.append(between(f"{said}: order of the second moment", order, 1.7, 2.3))
             checks.append(
                 below(f"{said}: error of the second moment, finest grid", errors[name, scheme][-1], 0.08)
@@ -115,7 +114,8 @@ def judge(context: Context, found):
 
 CASE = Case(
     chapter=7,
-    claim="The population balance solves whole primaries to eight digits and continuous sizes to second order, and loses no mass.",
+    claim="The population balance solves whole primaries to eight digits and continuous sizes to second order, and loses no "
+    "mass.",
     source="Smoluchowski 1917; Golovin 1963; McLeod 1962; Montroll & Simha 1940; Blatz & Tobolsky 1945; Ziff & McGrady 1985",
     tolerance="1e-8 where the grid is exact, as tight as the integrator; order 1.7 to 2.3 for a method of second order; 1e-12 of "
     "the mass, round-off",

@@ -29,6 +29,8 @@ def constant_kernel(scene, first, second, seed) -> EncounterResult:
     reach = first.outer_radius(radius) + second.outer_radius(radius)
     total = first.size + second.size
     sticks = seed.random() < (2.0 * radius / reach) ** 3
+    products: tuple[Aggregate, ...]
+    members: tuple[np.ndarray, ...]
     if sticks:
         products, members = (compact(total, radius),), (np.arange(total),)
     else:
