@@ -152,10 +152,10 @@ def draw_mean_size(numbers: xr.Dataset) -> Canvas:
     axes.set_ylim(0, 1.9 * top)
     inset = axes.inset_axes((0.52, 0.60, 0.45, 0.36))
     draw_initial_trend(inset, numbers, f"{float(numbers['stress'][0]):.4g} Pa")
-    inset.legend(fontsize=5, loc="upper left")
+    inset.legend(fontsize=5, loc="upper left", framealpha=0.0)
     inset.tick_params(labelsize=5.5)
     inset.set_xlim(0, float(numbers["initial_time"][-1]))
-    inset.set_ylim(1, None)
+    inset.set_ylim(1, 1.0 + 1.5 * (inset.get_ylim()[1] - 1.0))
     return figure
 
 

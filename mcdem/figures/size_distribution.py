@@ -147,6 +147,7 @@ def draw_by_radius(numbers: xr.Dataset) -> Canvas:
     axes.set_xlabel("outer radius  $R/a$")
     axes.set_ylabel(f"share of aggregates per {step:g} $a$")
     axes.set_xlim(0.5, None)
-    axes.set_ylim(0, None)
+    # Room above the bars for the legend.
+    axes.set_ylim(0, 1.4 * axes.get_ylim()[1])
     legend(axes, f"{total} aggregates\nbars: Poisson; band: over {numbers.attrs['snapshots']} snapshots")
     return figure
