@@ -99,6 +99,8 @@ def compiled_solve(scene: mcdem.Scene, positions: np.ndarray) -> Callable[[], ob
         np.zeros((n, 3)),
         physics.cutoff,
         physics.shifted,
+        physics.coupled,
+        physics.stresslets,
         physics.table,
         np.empty((n, 5)),
     )

@@ -232,7 +232,10 @@ def _capture(scene: Scene) -> Iterator[Finding]:
     gap = math.sqrt(0.5 * attraction)
     roughness = van_der_waals.minimum_approach / a
     name = "cut-off delta over the gap of capture (C_A/2)^(1/2)"
-    if cutoff == 0.0:
+    if not scene.hydrodynamics.lubrication:
+        words = f'level = "{scene.hydrodynamics.level}" is without lubrication: nothing holds pairs apart on their last way'
+        yield Finding("gap of capture (C_A/2)^(1/2) over a", gap, "note", words)
+    elif cutoff == 0.0:
         yield Finding(name, 0.0, "note", "lubrication without a cut-off: eta_11 depends on l0 instead")
     elif cutoff > gap:
         words = f"captures are decided at gaps near {gap * a:.2g} m, inside the cut-off: eta_11 depends on delta (above 1)"
@@ -253,7 +256,7 @@ def _capture(scene: Scene) -> Iterator[Finding]:
         else:
             words = "retardation weakens the attraction where captures are decided (above 0.1)"
         yield Finding(name, retardation, "fine", words)
-    if cutoff > 0.0:
+    if cutoff > 0.0 and scene.hydrodynamics.lubrication:
         name = "cut-off delta over l0/a"
         if cutoff > 0.1:
             words = "the cut-off is beyond 0.1 a: little of lubrication is left"
@@ -331,12 +334,19 @@ def tabor_number(radius: float, work: float, modulus: float, reach: float) -> fl
 def contact_relaxation(scene: Scene) -> float:
     """Time [s] in which a contact of two primaries falls back to its equilibrium gap: squeeze-film damping over stiffness.
 
-    The damping is the leading term 6 pi mu a/(4 delta) of lubrication at the cut-off, or at l0/a without one.
+    The damping is the leading term 6 pi mu a/(4 delta) of lubrication at the cut-off, or at l0/a without one; where the scene
+    has no lubrication, that of two touching spheres at its level of hydrodynamics.
     """
     contact, unit = scene.effects.contact, scene.reduced
     assert contact is not None
     van_der_waals = scene.effects.van_der_waals
     roughness = van_der_waals.minimum_approach / unit.length if van_der_waals is not None else 3e-4
     gap = scene.hydrodynamics.lubrication_cutoff or roughness
+    damping = {
+        "free_draining": 1.0 / 2.0,
+        "rotne_prager": 4.0 / 3.0,  # 1/(2 (1 - 5/8)) by the couplings of `far_field` at r = 2a
+        "fts": 40.0 / 21.0,  # half of X^A_11 - X^A_12 by `two_sphere.far_field` there
+        "stokesian": 1.0 / (4.0 * gap),
+    }
     stiffness = contact.kernel(scene).equilibrium_stiffness
-    return unit.time / (4.0 * gap * stiffness)
+    return unit.time * damping[scene.hydrodynamics.level] / stiffness

@@ -53,6 +53,14 @@ class Setting:
         return scene.with_changes(self.changes) if self.changes else scene
 
 
+def level_changes(level: str) -> dict[str, Any]:
+    """Keys that bring a scene to a level of hydrodynamics; those of lubrication go where there is none."""
+    changes: dict[str, Any] = {"hydrodynamics.level": level}
+    if level != "stokesian":
+        changes |= {"hydrodynamics.lubrication_cutoff": None, "hydrodynamics.cutoff_reading": None}
+    return changes
+
+
 def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
     """The reference, the scene as given, and every knob turned alone and together."""
     if scene.numerics.scheme != "implicit":
@@ -90,12 +98,18 @@ def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
     turn("start_distance", () if quick else (2.5, 5.0, 10.0))
     found.append(Setting("rigid rotation off", "rigid_rotation", {"numerics.rigid_rotation": False}))
     found.append(Setting("inert ends off", "end_inert", {"numerics.end_inert": False}))
-    if not quick:
+    if not quick and scene.hydrodynamics.lubrication:
         delta = scene.hydrodynamics.lubrication_cutoff
         found.extend(
             Setting(f"cut-off = {value:g}", "lubrication_cutoff", {"hydrodynamics.lubrication_cutoff": value})
             for value in (1e-3, 5e-3, 1e-2, 2e-2)
             if value != delta
+        )
+    if not quick:
+        found.extend(
+            Setting(f"level = {level}", "level", level_changes(level))
+            for level in ("free_draining", "rotne_prager", "fts")
+            if level != scene.hydrodynamics.level
         )
     coarse = {"numerics.max_step": 2.0 * n.max_step, "numerics.far_field_lag": 0.2}
     found.append(Setting("coarse", "together", coarse))

@@ -111,10 +111,13 @@ def physics_of(scene: Scene) -> tuple[state.Flow, state.Physics]:
     for name in ("sliding", "rolling", "twisting", "rods"):
         if getattr(kernels, name) is not None:
             raise SceneError(f"{scene.name}: [effects.{name}] is not yet followed in an encounter; remove it")
+    level = scene.hydrodynamics.level
     physics = state.Physics(
         cutoff=scene.hydrodynamics.lubrication_cutoff,
         shifted=scene.hydrodynamics.cutoff_reading == "gap",
-        table=lubrication_table(1.0),
+        coupled=True if level != "free_draining" else None,
+        stresslets=True if scene.hydrodynamics.stresslets else None,
+        table=lubrication_table(1.0) if level == "stokesian" else None,
         van_der_waals=kernels.van_der_waals,
         double_layer=kernels.double_layer,
         short_range=kernels.short_range,
@@ -154,11 +157,11 @@ def scheme_of(scene: Scene) -> tuple[ImplicitOptions | None, PaperOptions | None
 
 
 def shortcuts_of(scene: Scene) -> Shortcuts:
-    """The shortcuts that the scene takes; the paper's scheme takes none."""
+    """The shortcuts that the scene takes: the paper's scheme none, and no approach by stresslets where there are none."""
     numerics = scene.numerics
     taken = numerics.scheme == "implicit"
     return Shortcuts(
-        far_approach=numerics.far_approach if taken else 0.0,
+        far_approach=numerics.far_approach if taken and scene.hydrodynamics.stresslets else 0.0,
         separation=numerics.separation if taken else 0.0,
         rigid_rotation=taken and numerics.rigid_rotation,
         inert=taken and numerics.end_inert,

@@ -42,8 +42,9 @@ def velocities(
     """Velocities of free spheres of the scene's radius in its flow, with no direct forces between them.
 
     positions : (N, 3) [m];  forces : (N, 3) [N] and torques : (N, 3) [N m], external, zero by default.
-    Stokesian dynamics of Durlofsky, Brady & Bossis (1987) with the scene's hydrodynamics table; from MATRIX_FREE_FROM spheres on
-    by iteration in O(N) memory on all cores, to 1e-6.
+    At the scene's level of hydrodynamics: Stokesian dynamics of Durlofsky, Brady & Bossis (1987), or a coarser one; with
+    stresslets, from MATRIX_FREE_FROM spheres on by iteration in O(N) memory on all cores, to 1e-6.
+    Without stresslet couplings (rotne_prager, free_draining) a sphere's stresslet is that of a single one.
     Raises `UserError` for wrong shapes, numbers that are not finite, or spheres that overlap grossly.
     """
     x = np.array(positions, dtype=float, ndmin=2)
@@ -71,17 +72,25 @@ def velocities(
             )
     flow, physics = physics_of(scene)
     flow_terms = (flow.gradient, flow.strain, flow.strain_five, f / units.force, t / units.energy)
-    lubrication = (physics.cutoff, physics.shifted, physics.table)
+    cutoff = (physics.cutoff, physics.shifted)
     radii = np.ones(len(x))
-    if len(x) >= MATRIX_FREE_FROM:
+    if physics.stresslets is not None and len(x) >= MATRIX_FREE_FROM:
         from mcdem.hydrodynamics import matrix_free  # compiled for several cores, and seldom needed
 
-        found = matrix_free.solve_velocities(x / units.length, radii, *flow_terms, *lubrication)
+        found = matrix_free.solve_velocities(x / units.length, radii, *flow_terms, *cutoff, physics.table)
         linear, angular, five, code = found.linear, found.angular, found.stresslet, 0
     else:
         five = np.empty((len(x), 5))
         code, linear, angular = solve_velocities(
-            workspace(len(x)), x / units.length, radii, *flow_terms, *lubrication, five
+            workspace(len(x)),
+            x / units.length,
+            radii,
+            *flow_terms,
+            *cutoff,
+            physics.coupled,
+            physics.stresslets,
+            physics.table,
+            five,
         )
     if code != 0:
         raise ArithmeticError("the resistance matrix of these spheres is not positive definite")

@@ -49,13 +49,15 @@ def dimensionless_groups(run: Run) -> list[tuple[str, str, float]]:
     stress, vdw = scene.flow.shear_stress, scene.effects.van_der_waals
     groups = [
         ("φ", "volume fraction of the primaries", scene.suspension.volume_fraction),
-        ("δ", "gap over radius at which lubrication is cut off", scene.hydrodynamics.lubrication_cutoff),
         (
             "Pe",
             f"6πμa³γ̇/k_BT at {ROOM_TEMPERATURE:g} K: flow against Brownian motion, which is not simulated",
             6 * math.pi * stress * a**3 / (BOLTZMANN * ROOM_TEMPERATURE),
         ),
     ]
+    if scene.hydrodynamics.lubrication:
+        meaning = "gap over radius at which lubrication is cut off"
+        groups.insert(1, ("δ", meaning, scene.hydrodynamics.lubrication_cutoff))
     if (adhesion := pull_off_force(run)) is not None:
         groups.append(
             ("6πμγ̇a²/F_adh", "viscous force against pull-off force", scene.reduced.force / adhesion)

@@ -77,13 +77,34 @@ class Flow(Table):
 class Hydrodynamics(Table):
     """How the particles feel each other through the fluid."""
 
-    level: Literal["stokesian"] = "stokesian"
-    """Force-torque-stresslet far field with pair lubrication."""
+    level: Literal["free_draining", "rotne_prager", "fts", "stokesian"] = "stokesian"
+    """"free_draining": Stokes drag on each sphere by itself; "rotne_prager": far field of forces and torques;
+    "fts": of forces, torques and stresslets; "stokesian": the same with pair lubrication, which alone has the keys below."""
     lubrication_cutoff: NonNegativeDimensionless = 5e-3
     """Gap over radius, delta, below which lubrication keeps its value there; 0 for no cut-off (paper, section 2.2.1)."""
     cutoff_reading: Literal["matrix", "gap"] = "matrix"
     """Below the cut-off, "matrix": the two-body resistance is frozen, as the paper says; "gap": the strain sees the frozen gap
     too, so that a touching pair is not squeezed by it; needed where delta is not large against the overlap of contacts."""
+
+    @model_validator(mode="after")
+    def _keys_of_lubrication_need_it(self) -> Self:
+        stray = sorted(self.model_fields_set & {"lubrication_cutoff", "cutoff_reading"})
+        if stray and not self.lubrication:
+            raise ValueError(
+                f'level = "{self.level}" is without lubrication, so that {" and ".join(stray)} would do nothing: '
+                'remove it, or use level = "stokesian"'
+            )
+        return self
+
+    @property
+    def stresslets(self) -> bool:
+        """Whether the far field has stresslets."""
+        return self.level in ("fts", "stokesian")
+
+    @property
+    def lubrication(self) -> bool:
+        """Whether pairs have lubrication."""
+        return self.level == "stokesian"
 
 
 class Numerics(Table):
@@ -102,7 +123,8 @@ class Numerics(Table):
     far_field_lag: NonNegativeDimensionless = 0.05
     """The far field is kept, turning along, until a separation changed by this share of its gap plus a radius; 0: never kept."""
     far_approach: NonNegativeDimensionless = 2.0
-    """Two rigid aggregates approach as bodies with a stresslet down to this centre distance over R_i + R_j; 0 for never."""
+    """Two rigid aggregates approach as bodies with a stresslet down to this centre distance over R_i + R_j; 0 for never,
+    as at levels of hydrodynamics without stresslets."""
     separation: NonNegativeDimensionless = 1.5
     """Parts that recede from each other go on alone beyond this centre distance over R_i + R_j; 0 for never."""
     rigid_rotation: bool = True

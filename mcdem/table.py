@@ -65,12 +65,11 @@ def _default(field: FieldInfo) -> str:
 
 
 def written(model: BaseModel) -> dict[str, Any]:
-    """The tables that would be read as `model`: SI values with their units, without what is absent or follows."""
+    """The tables that would be read as `model`: SI values with their units, without what is absent, default or follows."""
     tables: dict[str, Any] = {}
     for name, field in type(model).model_fields.items():
         value = getattr(model, name)
-        follows = field.default != field.default and name not in model.model_fields_set
-        if value is None or follows:
+        if value is None or (name not in model.model_fields_set and not isinstance(value, BaseModel)):
             continue
         unit = next((mark.si for mark in _quantities(field.annotation, field.metadata)), "")
         if isinstance(value, BaseModel):

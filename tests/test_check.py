@@ -160,6 +160,20 @@ def test_relaxation_time_follows_the_exact_squeeze_film():
     assert ratio == pytest.approx(exact[0] / exact[1], rel=0.03)
 
 
+@pytest.mark.parametrize("level", ["free_draining", "rotne_prager", "fts"])
+def test_relaxation_time_without_lubrication_is_that_of_two_touching_spheres(level):
+    bare = scene().with_changes({"hydrodynamics.level": level, "hydrodynamics.lubrication_cutoff": None})
+    radius, units = bare.suspension.radius, bare.reduced
+    touching = 2.0 * radius * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    forces = units.force * np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    apart = np.diff(mcdem.velocities(bare, touching, forces).linear[:, 0])[0]
+    stiffness = bare.effects.jkr.kernel(bare).equilibrium_stiffness * units.stiffness
+    assert contact_relaxation(bare) == pytest.approx(units.force / apart / stiffness, rel=1e-9)
+    words = " ".join(one.words for one in check(bare))
+    assert f'level = "{level}" is without lubrication' in words
+    assert "delta" not in words
+
+
 def test_mean_approach_is_that_of_the_flux():
     """|z0|/y0 averaged with the flux, a density proportional to y on the disc of R_i + R_j, is 3 pi/4 of |z0|/(R_i + R_j)."""
     width = lambda y: 2.0 * np.sqrt(1.0 - y * y)

@@ -107,6 +107,20 @@ def test_a_scene_does_not_change():
             setattr(table, key, value)
 
 
+@pytest.mark.parametrize("level", ["free_draining", "rotne_prager", "fts"])
+def test_a_level_without_lubrication_takes_none_of_its_keys(level):
+    paper = mcdem.load_scene(PAPER)
+    with pytest.raises(
+        SceneError, match=f'level = "{level}" is without lubrication, so that lubrication_cutoff'
+    ):
+        paper.with_changes({"hydrodynamics.level": level})
+    bare = {"hydrodynamics.level": level, "hydrodynamics.lubrication_cutoff": None}
+    with pytest.raises(SceneError, match="cutoff_reading would do nothing"):
+        paper.with_changes(bare | {"hydrodynamics.cutoff_reading": "gap"})
+    scene = paper.with_changes(bare)
+    assert Scene.from_text(scene.model_copy(update={"run": scene.run}).text) == scene
+
+
 def test_what_the_file_does_not_name_is_absent():
     bare = Scene.from_text(TEXT[: TEXT.index("[effects.van_der_waals]")])
     assert all(effect is None for _, effect in bare.effects)

@@ -116,6 +116,11 @@ def against_cutoff(scene: Scene, cutoffs: list[float]):
 
     from mcdem.capture import pair_efficiency, van_de_ven_mason
 
+    if not scene.hydrodynamics.lubrication:
+        raise UserError(
+            f'{scene.name}: [hydrodynamics] level = "{scene.hydrodynamics.level}" has no lubrication to cut off; '
+            'use level = "stokesian", or leave out the cut-offs'
+        )
     law = van_de_ven_mason(scene)
     table = Table(
         "delta", "frozen matrix", "over Eq. 23", "frozen gap", "over Eq. 23", title="against the cut-off"

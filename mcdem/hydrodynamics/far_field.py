@@ -74,6 +74,52 @@ def _place_cross(matrix, row, column, factor, d):
     )
 
 
+@njit(cache=True, inline="always")
+def _place_force_torque(matrix, torque, force, i, j, d, u, squares):
+    """Couplings of forces and torques of spheres i and j; `torque` and `force` are where these begin in matrix.
+
+    u = 1/r, squares = a_i^2 + a_j^2, d (3,) the unit vector from j to i.
+    """
+    u2 = u * u
+    u3 = u2 * u
+    xa = 1.5 * u - 0.5 * squares * u3
+    ya = 0.75 * u + 0.25 * squares * u3
+    yb = 0.75 * u2
+    xc = 0.75 * u3
+    yc = -0.375 * u3
+    for k in range(3):
+        for m in range(3):
+            dd = d[k] * d[m]
+            unit = 1.0 if k == m else 0.0
+            matrix[force + 3 * i + k, force + 3 * j + m] = xa * dd + ya * (unit - dd)
+            matrix[torque + 3 * i + k, torque + 3 * j + m] = xc * dd + yc * (unit - dd)
+    _place_cross(matrix, force + 3 * i, torque + 3 * j, yb, d)
+    _place_cross(matrix, force + 3 * j, torque + 3 * i, -yb, d)
+
+
+@njit(cache=True)
+def force_torque_mobility(directions, distances, radii, matrix):
+    """Fill the lower triangle of the mobility (6N, 6N) of forces and torques alone, ordered (T | F); else as `grand_mobility`.
+
+    Rotne & Prager (1969), Yamakawa (1970); with rotation and unequal radii Zuk et al. (2014), J. Fluid Mech. 741, R5.
+    """
+    n = radii.shape[0]
+    force = 3 * n
+    for i in range(n):
+        a = radii[i]
+        for k in range(3):
+            for m in range(3):
+                matrix[3 * i + k, 3 * i + m] = 0.0
+                matrix[force + 3 * i + k, force + 3 * i + m] = 0.0
+                matrix[force + 3 * i + k, 3 * i + m] = 0.0
+            matrix[3 * i + k, 3 * i + k] = 0.75 / a**3
+            matrix[force + 3 * i + k, force + 3 * i + k] = 1.0 / a
+        for j in range(i):
+            b = radii[j]
+            u = 1.0 / max(distances[i, j], a + b)
+            _place_force_torque(matrix, 0, force, i, j, directions[i, j], u, a * a + b * b)
+
+
 @njit(cache=True)
 def grand_mobility(directions, distances, radii, matrix):
     """Fill the lower triangle of the grand mobility (11N, 11N).
@@ -113,11 +159,6 @@ def grand_mobility(directions, distances, radii, matrix):
             u3 = u2 * u
             u5 = u3 * u2
             squares = a * a + b * b
-            xa = 1.5 * u - 0.5 * squares * u3
-            ya = 0.75 * u + 0.25 * squares * u3
-            yb = 0.75 * u2
-            xc = 0.75 * u3
-            yc = -0.375 * u3
             # Strain at i from a force at j, and the other way round.
             weight_ij = a * a / 10.0 + b * b / 6.0
             weight_ji = b * b / 10.0 + a * a / 6.0
@@ -135,14 +176,7 @@ def grand_mobility(directions, distances, radii, matrix):
                 cross[k, 0] = d[1] * q[k, 2] - d[2] * q[k, 1]
                 cross[k, 1] = d[2] * q[k, 0] - d[0] * q[k, 2]
                 cross[k, 2] = d[0] * q[k, 1] - d[1] * q[k, 0]
-            for k in range(3):
-                for m in range(3):
-                    dd = d[k] * d[m]
-                    unit = 1.0 if k == m else 0.0
-                    matrix[force + 3 * i + k, force + 3 * j + m] = xa * dd + ya * (unit - dd)
-                    matrix[torque + 3 * i + k, torque + 3 * j + m] = xc * dd + yc * (unit - dd)
-            _place_cross(matrix, force + 3 * i, torque + 3 * j, yb, d)
-            _place_cross(matrix, force + 3 * j, torque + 3 * i, -yb, d)
+            _place_force_torque(matrix, torque, force, i, j, d, u, squares)
             for k in range(3):
                 for m in range(5):
                     # Velocity at i from a stresslet at j is the transpose of strain at j from a force at i.

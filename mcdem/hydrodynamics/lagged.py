@@ -15,6 +15,8 @@ from numba import njit
 from mcdem.hydrodynamics import stokesian
 from mcdem.hydrodynamics.far_field import tensor_to_five
 
+# Number of primaries from which turning a kept far field costs less than a new one.
+LAG_PAYS = 8
 # Calls for which a far field is made without being kept, after one that was kept in vain: keeping costs a quarter more.
 WAIT = 4
 
@@ -198,10 +200,21 @@ def turned_far_field(kept, work, strain):
 
 
 @njit(cache=True)
-def far_field(kept, work, radii, positions, labels, bodies, strain, tolerance):
-    """Far field into `work.resistance` and `work.drive`, kept or made anew; 0 or an error code."""
+def far_field(kept, work, radii, positions, labels, bodies, strain, tolerance, coupled, stresslets):
+    """Resistance and drive without lubrication at a level into `work`, kept (`tolerance` > 0) or made anew; 0 or an error code.
+
+    Only the far field with stresslets is worth keeping.
+    """
     five = np.empty(5)
     tensor_to_five(strain, five)
+    if stresslets is None:
+        stokesian.level_drive(work, five, stresslets)
+        return stokesian.level_resistance(work, radii, coupled, stresslets)
+    if tolerance <= 0.0 or radii.shape[0] < LAG_PAYS:
+        code = stokesian.far_field_resistance(work, radii)
+        if code == 0:
+            stokesian.far_field_drive(work, five)
+        return code
     if kept.wait[0] > 0:
         kept.wait[0] -= 1
     elif kept.made[0]:

@@ -1,4 +1,4 @@
-"""Stokesian dynamics of N spheres with forces, torques and stresslets: far field plus pairwise lubrication.
+"""Resistance, drive and velocities of N spheres: Stokesian dynamics, and the coarser levels below it.
 
 Durlofsky, Brady & Bossis 1987: the resistance of N spheres is the inverse of their far-field grand mobility, with
 the exact two-body resistance less its own far field added for every pair.  Conventions and ordering: `far_field`.
@@ -7,6 +7,16 @@ the exact two-body resistance less its own far field added for every pair.  Conv
 
 Nothing is inverted but the 6N part: one Cholesky factor of the 11N grand mobility, ordered stresslets first,
 holds every piece.  A factor that fails is an error, never mended by jitter.
+
+A level of hydrodynamics is what of this there is; what a level lacks is None, and gone from the compiled code:
+
+    level          coupled  stresslets  table
+    free_draining  None     None        None     Stokes drag and torque on each sphere by itself
+    rotne_prager   True     None        None     far field of forces and torques; strain exerts nothing
+    fts            True     True        None     far field of forces, torques and stresslets
+    stokesian      True     True        given    the same and lubrication
+
+`level_resistance`, `level_drive` and `level_stresslets` hold for all of them; what follows does not ask.
 """
 
 from __future__ import annotations
@@ -99,6 +109,59 @@ def far_field_drive(work, strain_five):
 
 
 @njit(cache=True)
+def free_draining_resistance(work, radii):
+    """Resistance of spheres that do not feel each other: Stokes' drag and torque, 1 and 4/3 for a sphere of radius a."""
+    n = radii.shape[0]
+    for row in range(6 * n):
+        for column in range(row + 1):
+            work.resistance[row, column] = 0.0
+        a = radii[(row // 3) % n]
+        work.resistance[row, row] = 4.0 / 3.0 * a**3 if row < 3 * n else a
+
+
+@njit(cache=True)
+def force_torque_resistance(work, radii):
+    """Far-field resistance of forces and torques alone into `work.resistance`; 0 or an error code."""
+    far_field.force_torque_mobility(work.directions, work.distances, radii, work.resistance)
+    if cholesky(work.resistance) != 0:
+        return NOT_POSITIVE_DEFINITE
+    return inverse_from_cholesky(work.resistance)
+
+
+@njit(cache=True, inline="always")
+def level_resistance(work, radii, coupled, stresslets):
+    """Resistance without lubrication into `work.resistance` at a level; 0 or an error code."""
+    code = 0
+    if stresslets is not None:
+        code = far_field_resistance(work, radii)
+    elif coupled is not None:
+        code = force_torque_resistance(work, radii)
+    else:
+        free_draining_resistance(work, radii)
+    return code
+
+
+@njit(cache=True, inline="always")
+def level_drive(work, strain_five, stresslets):
+    """What a uniform strain (5,) exerts on spheres held still into `work.drive`, after `level_resistance`."""
+    if stresslets is not None:
+        far_field_drive(work, strain_five)
+    else:
+        work.drive[:] = 0.0
+
+
+@njit(cache=True, inline="always")
+def level_stresslets(work, radii, rates, strain_five, cutoff, stresslets, table, out):
+    """Stresslets exerted on the fluid into out (N, 5); without their couplings, those of single spheres, 10/9 a^3 E."""
+    if stresslets is not None:
+        exerted_stresslets(work, radii, rates, strain_five, cutoff, table, out)
+    else:
+        for i in range(radii.shape[0]):
+            for k in range(5):
+                out[i, k] = -10.0 / 9.0 * radii[i] ** 3 * strain_five[k]
+
+
+@njit(cache=True)
 def add_lubrication(work, radii, strain, cutoff, shifted, table):
     """Add the two-body part of every pair, its gap h/a clamped from below at `cutoff`.
 
@@ -155,7 +218,7 @@ def angular_velocities(resistance, drive, linear, angular):
 
 
 @njit(cache=True)
-def stresslets(work, radii, rates, strain_five, cutoff, table, out):
+def exerted_stresslets(work, radii, rates, strain_five, cutoff, table, out):
     """Stresslets exerted on the fluid into out (N, 5), from rates (6N,) of spheres in a strain (5,).
 
     `work` holds the far-field factor and, from `far_field_drive` of the same strain, L_S^-1 E; the latter is used up.
@@ -187,22 +250,35 @@ def stresslets(work, radii, rates, strain_five, cutoff, table, out):
 
 @njit(cache=True)
 def solve_velocities(
-    work, positions, radii, gradient, strain, strain_five, forces, torques, cutoff, shifted, table, stresslet
+    work,
+    positions,
+    radii,
+    gradient,
+    strain,
+    strain_five,
+    forces,
+    torques,
+    cutoff,
+    shifted,
+    coupled,
+    stresslets,
+    table,
+    stresslet,
 ):
     """Velocities of free spheres under given forces and torques; reduced units.  work : `workspace` of N
 
     positions (N, 3), radii (N,), gradient (3, 3) with u_inf = gradient . r, strain its symmetric part, forces and
-    torques (N, 3); `stresslet` (N, 5) is filled with what the fluid exerts on the spheres; `table` None leaves
-    out lubrication.  Returns (code, linear (N, 3), angular (N, 3)).
+    torques (N, 3); `stresslet` (N, 5) is filled with what the fluid exerts on the spheres; coupled, stresslets
+    and table are the level.  Returns (code, linear (N, 3), angular (N, 3)).
     """
     n = positions.shape[0]
     linear = np.empty((n, 3))
     angular = np.empty((n, 3))
     measure(positions, work.directions, work.distances)
-    code = far_field_resistance(work, radii)
+    code = level_resistance(work, radii, coupled, stresslets)
     if code != 0:
         return code, linear, angular
-    far_field_drive(work, strain_five)
+    level_drive(work, strain_five, stresslets)
     if table is not None:
         add_lubrication(work, radii, strain, cutoff, shifted, table)
     rates = work.drive
@@ -213,7 +289,7 @@ def solve_velocities(
     if cholesky(work.resistance) != 0:
         return NOT_POSITIVE_DEFINITE, linear, angular
     solve_cholesky(work.resistance, rates)
-    stresslets(work, radii, rates, strain_five, cutoff, table, stresslet)
+    level_stresslets(work, radii, rates, strain_five, cutoff, stresslets, table, stresslet)
     for i in range(n):
         for k in range(5):
             stresslet[i, k] = -stresslet[i, k]

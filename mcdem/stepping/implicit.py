@@ -41,10 +41,6 @@ from mcdem.stepping.state import (
     remember,
 )
 
-# Number of primaries from which turning a kept far field costs less than a new one.
-LAG_PAYS = 8
-
-
 # Share of the longest step that is taken while two bodies are within a radius of each other: what they do then decides.
 NEAR = 0.5
 
@@ -204,16 +200,20 @@ def drive_at_middle(motion, flow, physics, labels, bodies, lag, work):
     """Resistance A of torque-free spheres and everything that drives them but contacts; 0 or an error code."""
     n = motion.radii.shape[0]
     hydro = work.hydrodynamics
-    if lag > 0.0 and n >= LAG_PAYS:
-        if (
-            lagged.far_field(work.kept, hydro, motion.radii, work.middle, labels, bodies, flow.strain, lag)
-            != 0
-        ):
-            return NOT_POSITIVE_DEFINITE
-    else:
-        if stokesian.far_field_resistance(hydro, motion.radii) != 0:
-            return NOT_POSITIVE_DEFINITE
-        stokesian.far_field_drive(hydro, flow.strain_five)
+    code = lagged.far_field(
+        work.kept,
+        hydro,
+        motion.radii,
+        work.middle,
+        labels,
+        bodies,
+        flow.strain,
+        lag,
+        physics.coupled,
+        physics.stresslets,
+    )
+    if code != 0:
+        return NOT_POSITIVE_DEFINITE
     add_two_body(hydro, motion.radii, flow.strain, physics.cutoff, physics.shifted, physics.table)
     if stokesian.eliminate_torques(hydro.resistance) != 0:
         return NOT_POSITIVE_DEFINITE

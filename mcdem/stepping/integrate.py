@@ -192,6 +192,8 @@ def analysed(part: Motion, physics: Physics) -> tuple[RigidBody | None, NDArray[
         part.radii,
         physics.cutoff,
         physics.shifted,
+        physics.coupled,
+        physics.stresslets,
         physics.table,
         physics.van_der_waals,
         physics.double_layer,

@@ -146,7 +146,20 @@ def network_stiffness(positions, directions, pairs, slopes, count, stiffness):
 
 @njit(cache=True)
 def analyse(
-    work, positions, bonded, radii, cutoff, shifted, table, van_der_waals, double_layer, short_range, jkr, dmt
+    work,
+    positions,
+    bonded,
+    radii,
+    cutoff,
+    shifted,
+    coupled,
+    stresslets,
+    table,
+    van_der_waals,
+    double_layer,
+    short_range,
+    jkr,
+    dmt,
 ):
     """(RIGID, FLOPPY or FAILED, body) of one connected aggregate; positions (P, 3) about its centre, reduced units.
 
@@ -195,14 +208,14 @@ def analyse(
     solve_cholesky(stiffness, unbalanced)
     add_tensions(work.directions, pairs, slopes, unbalanced, rest)
 
-    if stokesian.far_field_resistance(work, radii) != 0:
+    if stokesian.level_resistance(work, radii, coupled, stresslets) != 0:
         return FAILED, body
     drives = np.empty((5, 6 * n))
     unit = np.zeros((5, 5))
     tensor = np.empty((3, 3))
     for k in range(5):
         unit[k, k] = 1.0
-        stokesian.far_field_drive(work, unit[k])
+        stokesian.level_drive(work, unit[k], stresslets)
         drives[k] = work.drive
     add_two_body_all(work, radii, unit, drives, cutoff, shifted, table)
     if stokesian.eliminate_torques(work.resistance) != 0:
@@ -252,8 +265,8 @@ def analyse(
             body.spin[c, k] = motion[3 + c]
         stokesian.angular_velocities(work.resistance, drive, relative, rates[:m])
         rates[m:] = relative
-        stokesian.far_field_drive(work, unit[k])
-        stokesian.stresslets(work, radii, rates, unit[k], cutoff, table, five)
+        stokesian.level_drive(work, unit[k], stresslets)
+        stokesian.level_stresslets(work, radii, rates, unit[k], cutoff, stresslets, table, five)
         moment = np.zeros((3, 3))
         for i in range(n):
             for c in range(5):

@@ -5,7 +5,7 @@ Kernels return codes; `mcdem.encounter` turns them into words.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -53,6 +53,8 @@ class Physics(NamedTuple):
 
     cutoff: float
     shifted: bool  # below the cut-off the strain sees the gap of the cut-off too
+    coupled: Literal[True] | None  # the level of hydrodynamics, see `stokesian`
+    stresslets: Literal[True] | None
     table: object  # lubrication table | None
     van_der_waals: object
     double_layer: object

@@ -155,6 +155,8 @@ def dissipates(course: Course) -> Margin:
             np.zeros((n, 3)),
             physics.cutoff,
             physics.shifted,
+            physics.coupled,
+            physics.stresslets,
             physics.table,
             stresslet,
         )
@@ -326,9 +328,9 @@ def resistance(scene: Scene, positions: NDArray[np.float64]) -> NDArray[np.float
     n = len(positions)
     work, radii = stokesian.workspace(n), np.ones(n)
     stokesian.measure(positions, work.directions, work.distances)
-    if stokesian.far_field_resistance(work, radii) != 0:
+    if stokesian.level_resistance(work, radii, physics.coupled, physics.stresslets) != 0:
         return np.diag(np.r_[-1.0, np.ones(6 * n - 1)])  # not positive definite either
-    stokesian.far_field_drive(work, flow.strain_five)
+    stokesian.level_drive(work, flow.strain_five, physics.stresslets)
     if physics.table is not None:
         stokesian.add_lubrication(work, radii, flow.strain, physics.cutoff, physics.shifted, physics.table)
     lower = np.tril(work.resistance)

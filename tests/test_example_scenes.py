@@ -1,0 +1,35 @@
+"""The scenes that ask something else than the paper run, and their question has the answer that it should."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import mcdem
+from mcdem.runs import Run
+from mcdem.simulate import run
+
+SCENES = Path("scenes")
+MONOMER = mcdem.Aggregate.monomer()
+
+
+def test_free_draining_differs_from_the_paper_in_its_level_alone_and_runs(tmp_path):
+    scene, paper = (mcdem.load_scene(SCENES / f"{name}-1000Pa.toml") for name in ("free-draining", "paper"))
+    bare = paper.with_changes(
+        {"hydrodynamics.level": "free_draining", "hydrodynamics.lubrication_cutoff": None}
+    )
+    assert scene == bare
+    run(scene, tmp_path / "run.nc", events=4, workers=1)
+    assert (Run(tmp_path / "run.nc").outcome != "unresolved").all()
+
+
+@pytest.mark.slow
+def test_the_double_layer_keeps_pairs_apart_that_attract_each_other_without_it(tmp_path):
+    scene = mcdem.load_scene(SCENES / "dlvo-barrier.toml")
+    offset = (0.0, 0.3 * scene.suspension.radius)
+    without = scene.with_changes({"effects.double_layer": None})
+    found = [mcdem.simulate_encounter(s, MONOMER, MONOMER, offset=offset) for s in (scene, without)]
+    assert [one.outcome for one in found] == ["missed", "aggregation"]
+    run(scene, tmp_path / "run.nc", events=3, workers=1)
+    assert (Run(tmp_path / "run.nc").outcome == "missed").all()
