@@ -1,0 +1,300 @@
+"""What an effect costs that a scene does not name: nothing, to round-off and to 2 % of a step.
+
+For each direct force and contact law, with the same primaries and the rest of the scene as it is:
+
+    zero     largest change of the velocities between the effect absent (None) and present with strength zero
+    absent   time of a step with the effect absent, over that of a build whose sources never had it
+    felt     the same change for the strength that the scene gives, to show that these primaries feel the effect
+    present  time of a step with the effect present, over absent
+
+The build that never had it is a copy of the package from which the effect's branch is cut wherever forces are added up; it
+runs in a process of its own, and the processes take turns.  Steps are those of the explicit scheme with free draining, in
+which direct forces are most of the work: a share of a Stokesian step is smaller.  `--level`, `--scheme` and `--effects` choose
+others; each pair of builds then compiles for minutes.
+
+    python benchmarks/absent_effects.py [--effects van_der_waals,jkr] [--rounds 15]
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import json
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+PRIMARIES, STEPS = 24, 100
+PAPER = ROOT / "scenes" / "paper-1000Pa.toml"
+# Table of each effect, and the tables of the paper's scene that have to go for it.
+EFFECTS = {
+    "van_der_waals": ({"hamaker_constant": "0.97e-20 J", "minimum_approach": "0.165 nm"}, ()),
+    "double_layer": (
+        {
+            "surface_potential": "-25 mV",
+            "debye_length": "10 nm",
+            "relative_permittivity": 78.5,
+            "condition": "constant_potential",
+        },
+        (),
+    ),
+    "born": ({"collision_diameter": "0.5 nm"}, ("jkr",)),
+    "steric": ({"brush_thickness": "10 nm", "grafting_distance": "3 nm", "temperature": "298 K"}, ("jkr",)),
+    "jkr": ({"surface_energy": "4.7 mJ/m^2", "elastic_modulus": "3.4 GPa", "poisson_ratio": 0.5}, ()),
+    "dmt": ({"surface_energy": "4.7 mJ/m^2", "elastic_modulus": "3.4 GPa", "poisson_ratio": 0.5}, ("jkr",)),
+}
+# The field of each kernel that holds its strength.
+STRENGTH = {
+    "van_der_waals": "strength",
+    "double_layer": "strength",
+    "born": "strength",
+    "steric": "pressure",
+    "jkr": "pull_off_force",
+    "dmt": "pull_off_force",
+}
+
+
+# The worker: times steps of one scene with the package that PYTHONPATH names.
+
+
+def scene_of(effect: str, present: bool, scheme: str, level: str):
+    """The paper's scene with or without an effect, and without what cannot stand beside it."""
+    import mcdem
+
+    table, away = EFFECTS[effect]
+    changes: dict[str, object] = {f"effects.{name}": None for name in away}
+    changes[f"effects.{effect}"] = dict(table) if present else None
+    changes |= {"numerics.scheme": scheme, "hydrodynamics.level": level}
+    if level != "stokesian":
+        changes["hydrodynamics.lubrication_cutoff"] = None
+    return mcdem.load_scene(PAPER).with_changes(changes)
+
+
+def primaries():
+    """A loose cluster with contacts a little compressed and neighbours at gaps up to a radius: (N, 3), (N, N)."""
+    import numpy as np
+
+    rng = np.random.default_rng(5)
+    positions, bonds = [np.zeros(3)], []
+    while len(positions) < PRIMARIES:
+        i = int(rng.integers(len(positions)))
+        direction = rng.normal(size=3)
+        trial = positions[i] + (2.0 - 3e-4) * direction / np.linalg.norm(direction)
+        if all(np.linalg.norm(trial - p) > 2.001 for k, p in enumerate(positions) if k != i):
+            bonds.append((len(positions), i))
+            positions.append(trial)
+    bonded = np.zeros((PRIMARIES, PRIMARIES), bool)
+    for i, j in bonds:
+        bonded[i, j] = bonded[j, i] = True
+    return np.array(positions), bonded
+
+
+class Steps:
+    """Steps of one scene from the same start, again and again."""
+
+    def __init__(self, scene, zeroed: str = ""):
+        from mcdem import encounter
+
+        self.flow, self.physics = encounter.physics_of(scene)
+        if zeroed:
+            self.physics = without_strength(self.physics, zeroed)
+        self.schemes = encounter.scheme_of(scene)
+        self.start, self.bonded = primaries()
+
+    def run(self, steps: int):
+        """(velocities (N, 3) of the last step, processor time of a step)."""
+        import numpy as np
+
+        from mcdem.stepping import state
+        from mcdem.stepping.implicit import find_gaps, scratch
+        from mcdem.stepping.march import march, new_watch
+
+        n = PRIMARIES
+        motion = state.Motion(
+            self.start.copy(),
+            np.zeros((n, 3)),
+            self.bonded.copy(),
+            np.full((n, n), -np.inf),
+            np.ones(n),
+            np.zeros(n, np.int64),
+        )
+        log, history, gaps, work = state.new_log(), state.new_history(motion), np.empty((n, n)), scratch(n)
+        find_gaps(motion.positions, motion.radii, gaps)
+        arguments = (motion, history, gaps, work, self.flow, self.physics, *self.schemes, log)
+        limits = (new_watch(log, np.inf), 0.0, np.inf, np.inf, 1e9, steps)
+        began = time.process_time()
+        code = march(*arguments, *limits)
+        spent = time.process_time() - began
+        assert code == state.TOO_MANY_STEPS, code
+        return motion.velocities, spent / steps
+
+
+def without_strength(physics, effect: str):
+    """The same physics with the strength of one effect zero."""
+    if effect in ("born", "steric"):
+        bundle = physics.short_range
+        kernel = getattr(bundle, effect)._replace(**{STRENGTH[effect]: 0.0})
+        return physics._replace(short_range=bundle._replace(**{effect: kernel}))
+    return physics._replace(**{effect: getattr(physics, effect)._replace(**{STRENGTH[effect]: 0.0})})
+
+
+def work(effect: str, scheme: str, level: str) -> None:
+    """Answer requests "absent N", "present N", "zero 1" by lines of JSON: [processor time of a step, velocities]."""
+    known: dict[str, Steps] = {}
+    for line in sys.stdin:
+        which, steps = line.split()
+        if which not in known:
+            scene = scene_of(effect, which != "absent", scheme, level)
+            known[which] = Steps(scene, effect if which == "zero" else "")
+            known[which].run(1)
+        velocities, spent = known[which].run(int(steps))
+        print(json.dumps([spent, velocities.tolist()]), flush=True)
+
+
+# The parent: builds, workers, table.
+
+
+class Cut(ast.NodeTransformer):
+    """Removes every `if EFFECT is not None:` of one effect."""
+
+    def __init__(self, effect: str):
+        self.effect, self.count = effect, 0
+
+    def visit_If(self, node: ast.If):
+        self.generic_visit(node)
+        test = node.test
+        if (
+            isinstance(test, ast.Compare)
+            and isinstance(test.left, ast.Name)
+            and test.left.id == self.effect
+            and isinstance(test.ops[0], ast.IsNot)
+        ):
+            self.count += 1
+            return node.orelse or None
+        return node
+
+
+def build_without(effect: str, folder: Path) -> Path:
+    """A copy of the package whose forces and contact laws never heard of an effect; returns its parent folder."""
+    shutil.copytree(ROOT / "mcdem", folder / "mcdem", ignore=shutil.ignore_patterns("__pycache__"))
+    count = 0
+    for name in ("effects/__init__.py", "effects/short_range.py"):
+        path = folder / "mcdem" / name
+        cut = Cut(effect)
+        tree = cut.visit(ast.parse(path.read_text()))
+        path.write_text(ast.unparse(ast.fix_missing_locations(tree)))
+        count += cut.count
+    if count == 0:
+        raise SystemExit(f"{effect}: no branch of it was found in mcdem/effects")
+    return folder
+
+
+class Worker:
+    """A process that times steps with one build."""
+
+    def __init__(self, build: Path, arguments: list[str]):
+        environment = os.environ | {"PYTHONPATH": str(build), "OPENBLAS_NUM_THREADS": "1"}
+        self.process = subprocess.Popen(
+            [sys.executable, __file__, "--worker", *arguments],
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+        )
+
+    def ask(self, which: str, steps: int = STEPS):
+        """(processor time of a step [s], velocities (N, 3))."""
+        assert self.process.stdin is not None and self.process.stdout is not None
+        self.process.stdin.write(f"{which} {steps}\n")
+        self.process.stdin.flush()
+        answer = self.process.stdout.readline()
+        if not answer:
+            raise SystemExit(f"the worker for {which} ended with code {self.process.wait()}")
+        return json.loads(answer)
+
+    def close(self) -> None:
+        """End the process."""
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        self.process.wait()
+
+
+def largest_change(one, other) -> float:
+    """Largest difference of two lists of vectors over the largest component."""
+    pairs = [(a, b) for u, v in zip(one, other, strict=True) for a, b in zip(u, v, strict=True)]
+    return max(abs(a - b) for a, b in pairs) / max(abs(a) for a, _ in pairs)
+
+
+def measure(effect: str, rounds: int, scheme: str, level: str) -> dict[str, float]:
+    """One row of the table."""
+    with tempfile.TemporaryDirectory() as folder:
+        arguments = ["--effects", effect, "--scheme", scheme, "--level", level]
+        whole, cut = Worker(ROOT, arguments), Worker(build_without(effect, Path(folder)), arguments)
+        try:
+            absent, zero = whole.ask("absent", 1)[1], whole.ask("zero", 1)[1]
+            never = cut.ask("absent", 1)[1]
+            present = whole.ask("present", 1)[1]
+            times: dict[str, list[float]] = {"absent": [], "never": [], "present": []}
+            # Each round takes the turns in another order; of several runs the fastest was disturbed least.
+            turns = [("absent", whole, "absent"), ("never", cut, "absent"), ("present", whole, "present")]
+            for turn in range(rounds):
+                for name, worker, which in turns[turn % 3 :] + turns[: turn % 3]:
+                    times[name].append(min(worker.ask(which)[0] for _ in range(20)))
+        finally:
+            whole.close()
+            cut.close()
+    ratios = [a / n for a, n in zip(times["absent"], times["never"], strict=True)]
+    return {
+        "zero": largest_change(absent, zero),
+        "never": largest_change(absent, never),
+        "felt": largest_change(absent, present),
+        "step": statistics.median(times["absent"]),
+        "absent": statistics.median(ratios),
+        "spread": (max(ratios) - min(ratios)) / 2.0,
+        "present": statistics.median(p / a for p, a in zip(times["present"], times["absent"], strict=True)),
+    }
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--effects", default=",".join(EFFECTS))
+    parser.add_argument("--rounds", type=int, default=15)
+    parser.add_argument("--scheme", choices=("paper", "implicit"), default="paper")
+    parser.add_argument(
+        "--level", choices=("free_draining", "rotne_prager", "fts", "stokesian"), default="free_draining"
+    )
+    parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.worker:
+        work(options.effects, options.scheme, options.level)
+        return
+    print(
+        f"{options.scheme} scheme, {options.level}, {PRIMARIES} primaries; median of {options.rounds} rounds"
+    )
+    print(
+        f"{'effect':14} {'zero - None':>12} {'felt':>9} {'step, us':>9} {'absent/never':>16} {'present/absent':>15}"
+    )
+    for effect in options.effects.split(","):
+        row = measure(effect, options.rounds, options.scheme, options.level)
+        if row["never"] != 0.0:
+            raise SystemExit(
+                f"{effect}: the build without it moves primaries otherwise, by {row['never']:.1e}"
+            )
+        print(
+            f"{effect:14} {row['zero']:12.1e} {row['felt']:9.1e} {1e6 * row['step']:9.2f}"
+            f" {row['absent']:8.3f} +- {row['spread']:.3f}"
+            f" {row['present']:15.3f}",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
