@@ -76,8 +76,8 @@ def scene_of(effect: str, present: bool, scheme: str, level: str):
     return mcdem.load_scene(PAPER).with_changes(changes)
 
 
-def primaries():
-    """A loose cluster with contacts a little compressed and neighbours at gaps up to a radius: (N, 3), (N, N)."""
+def primaries(contacts: bool):
+    """A loose cluster with contacts a little compressed, or gaps of 0.5 nm, and neighbours up to a radius off: (N, 3), (N, N)."""
     import numpy as np
 
     rng = np.random.default_rng(5)
@@ -85,12 +85,12 @@ def primaries():
     while len(positions) < PRIMARIES:
         i = int(rng.integers(len(positions)))
         direction = rng.normal(size=3)
-        trial = positions[i] + (2.0 - 3e-4) * direction / np.linalg.norm(direction)
-        if all(np.linalg.norm(trial - p) > 2.001 for k, p in enumerate(positions) if k != i):
+        trial = positions[i] + (2.0 - 3e-4 if contacts else 2.001) * direction / np.linalg.norm(direction)
+        if all(np.linalg.norm(trial - p) > 2.0005 for k, p in enumerate(positions) if k != i):
             bonds.append((len(positions), i))
             positions.append(trial)
     bonded = np.zeros((PRIMARIES, PRIMARIES), bool)
-    for i, j in bonds:
+    for i, j in bonds if contacts else ():
         bonded[i, j] = bonded[j, i] = True
     return np.array(positions), bonded
 
@@ -98,14 +98,14 @@ def primaries():
 class Steps:
     """Steps of one scene from the same start, again and again."""
 
-    def __init__(self, scene, zeroed: str = ""):
+    def __init__(self, scene, zeroed: str = "", contacts: bool = True):
         from mcdem import encounter
 
         self.flow, self.physics = encounter.physics_of(scene)
         if zeroed:
             self.physics = without_strength(self.physics, zeroed)
         self.schemes = encounter.scheme_of(scene)
-        self.start, self.bonded = primaries()
+        self.start, self.bonded = primaries(contacts)
 
     def run(self, steps: int):
         """(velocities (N, 3) of the last step, processor time of a step)."""
@@ -151,7 +151,7 @@ def work(effect: str, scheme: str, level: str) -> None:
         which, steps = line.split()
         if which not in known:
             scene = scene_of(effect, which != "absent", scheme, level)
-            known[which] = Steps(scene, effect if which == "zero" else "")
+            known[which] = Steps(scene, effect if which == "zero" else "", effect not in ("born", "steric"))
             known[which].run(1)
         velocities, spent = known[which].run(int(steps))
         print(json.dumps([spent, velocities.tolist()]), flush=True)
