@@ -141,7 +141,7 @@ def scheme_of(scene: Scene) -> tuple[ImplicitOptions | None, PaperOptions | None
             normal_component=numerics.paper_step_velocity == "normal",
             close_gap=numerics.paper_close_gap,
         )
-    refinement = min(numerics.max_step / 0.1, 1.0)
+    refinement = min(numerics.max_step / 0.2, 1.0)
     return (
         ImplicitOptions(
             max_step=numerics.max_step,

@@ -113,7 +113,7 @@ class Numerics(Table):
     scheme: Literal["implicit", "paper"] = "implicit"
     """"implicit": contacts solved at the end of the step; "paper": explicit Euler with the time step of Eq. 20."""
     max_step: PositiveDimensionless = 0.2
-    """Longest step of the implicit scheme, in units of 1/g; half of it while two bodies are within a radius of each other."""
+    """Longest step of the implicit scheme, in units of 1/g; half of it while two bodies are near or contacts change."""
     event_step: PositiveDimensionless = 0.0125
     """Step to which the time of a contact's loss is resolved by the implicit scheme, in units of 1/g."""
     start_distance: Annotated[PositiveDimensionless, Field(ge=1.0)] = 5.0

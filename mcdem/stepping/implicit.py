@@ -41,8 +41,10 @@ from mcdem.stepping.state import (
     remember,
 )
 
-# Share of the longest step that is taken while two bodies are within a radius of each other: what they do then decides.
+# Share of the longest step that is taken while two bodies are within a radius of each other, and for the strain SETTLING
+# after a contact was made or lost: what happens then decides.
 NEAR = 0.5
+SETTLING = 1.0
 
 
 class ImplicitOptions(NamedTuple):
@@ -279,16 +281,18 @@ def solve_contacts(positions, radii, contacts, gaps, step, jkr, dmt, work):
 
     The first iteration takes each contact by its tangent at the old gap, the following ones by the law itself.
     When that does not settle, the start is made once more with linear springs about equilibrium.  A Jacobian is kept
-    while no contact's stiffness changed by more than a tenth of the stiffness without load.
+    while no contact's stiffness changed by more than a tenth of the stiffness without load and each iteration still
+    moves the primaries by less than a tenth of the one before, which also bounds what is left by the last move.
     """
     n = radii.shape[0]
     m = 3 * n
     matrix = work.hydrodynamics.resistance[m:, m:]
     jacobian, residual, move = work.jacobian, work.residual, work.move
-    factorised = False
+    factorised = slow = False
+    last = np.inf
     for iteration in range(48):
         fallback = iteration == 16 or iteration == 17
-        keep = factorised
+        keep = factorised and not slow
         for i in range(n):
             for k in range(3):
                 move[3 * i + k] = (work.end[i, k] - positions[i, k]) / step
@@ -345,7 +349,9 @@ def solve_contacts(positions, radii, contacts, gaps, step, jkr, dmt, work):
             return NOT_CONVERGED
         if contacts == 0:
             return 0
-        if iteration >= 1 and not fallback and change < 1e-7:
+        slow = keep and change > 0.1 * last
+        last = change
+        if iteration >= 1 and not fallback and not slow and change < 1e-7:
             return 0
     return NOT_CONVERGED
 
@@ -375,6 +381,9 @@ def advance(motion, history, flow, physics, options, log, gaps, work, end_time):
     jkr, dmt = physics.jkr, physics.dmt
     bodies = label_bodies(motion.bonded, work.labels)
     step = allowed_step(motion, work.labels, gaps, options)
+    # Not a number, so no comparison holds, until a contact changes.
+    if log.time[0] - log.last_bond_change[0] < SETTLING:
+        step = min(step, NEAR * options.max_step)
     if history.steps[0] > 0.0:
         step = min(step, 2.0 * history.steps[0])
     else:

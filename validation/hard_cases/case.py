@@ -160,9 +160,13 @@ class Course:
         return watch(self.scene, start, self.compared.strain)
 
     def refined(self, factor: float) -> Watched:
-        """The same by shorter steps."""
-        step = factor * self.scene.numerics.max_step
-        return watch(self.scene.with_changes({"numerics.max_step": step}), self.start, self.case.strain)
+        """The same by shorter steps, with the far field renewed as much sooner."""
+        numerics = self.scene.numerics
+        tighter = {
+            "numerics.max_step": factor * numerics.max_step,
+            "numerics.far_field_lag": factor * numerics.far_field_lag,
+        }
+        return watch(self.scene.with_changes(tighter), self.start, self.case.strain)
 
 
 @dataclass(frozen=True)
