@@ -229,6 +229,14 @@ def compare(
     typer.echo(f"figures and their numbers in {output}")
 
 
+INSIDE = (
+    ("mean_size", "<P>(t)"),
+    ("size_deviation", "sigma_P(t)"),
+    ("sauter_diameter", "d32(t)"),
+    ("late_share", "sizes late in the run"),
+)
+
+
 def _tell(file: Path, result: Any) -> None:
     n = result.numbers
     typer.echo(f"{file}")
@@ -262,13 +270,27 @@ def _tell(file: Path, result: Any) -> None:
         typer.echo(
             f"  <P> at t = {n['end']:.4g} s: balance {n['end_mean_size']:.3g} "
             f"({n['end_mean_size_low']:.3g} ... {n['end_mean_size_high']:.3g}), "
+            f"single runs {n['end_mean_size_run_low']:.3g} ... {n['end_mean_size_run_high']:.3g}, "
             f"Monte Carlo {n['end_mean_size_monte_carlo']:.3g}"
+        )
+        typer.echo(
+            "  share of the Monte Carlo within the 90 % band of single runs: "
+            + ", ".join(f"{name} {100 * n[f'{key}_inside']:.0f} %" for key, name in INSIDE)
+        )
+        typer.echo(
+            f"  distance of sizes from {n['late_from']:.3g} s on: {n['late_distance']:.3f}; "
+            f"90 % of single runs are within {n['late_distance_run_high']:.3f}"
         )
     guessed, lost = 100 * n["extrapolated_flux"], 100 * n["unresolved"]
     typer.echo(f"  {guessed:.2g} % of encounters extrapolated, {lost:.2g} % unresolved")
-    typer.echo("  steady <P> with one assumption changed:")
-    for name, value in zip(result.switches.switch.values, result.switches.mean_size.values, strict=True):
-        typer.echo(f"    {name:36s} {value:8.3f}")
+    table = result.switches
+    typer.echo(
+        f"  <P> at t = {table.attrs['until']:.4g} s, steady <P> and distance of sizes from the Monte Carlo's, "
+        "with one assumption changed:"
+    )
+    columns = (table.end_mean_size.values, table.mean_size.values, table.late_distance.values)
+    for name, then, value, off in zip(table.switch.values, *columns, strict=True):
+        typer.echo(f"    {name:36s} {then:8.3f} {value:8.3f}" + ("" if off != off else f" {off:8.3f}"))
 
 
 @app.command()

@@ -31,6 +31,8 @@ from pbekit.uncertainty import LEVEL, band, course_output, draws_of, steady_outp
 
 STEADY_SHARE = 0.4
 """The last part of a run that counts as its steady state."""
+SUMMARY = ("mean_size", "relative_deviation", "sauter_diameter")
+COURSE = (("mean_size", "1"), ("size_deviation", "1"), ("sauter_diameter", "m"))
 BLOCKS = 8
 """A steady stretch is cut into so many blocks; the spread of their means is the error of its mean."""
 
@@ -231,21 +233,27 @@ def settling_time(balance: PopulationBalance, start: np.ndarray, mean_size: floa
 # -- switches -------------------------------------------------------------------------------------------------------------
 
 
+def _classed(table: KernelTable, size_edges, shape_edges, shape_name: str) -> KernelTable:
+    """The same encounters in other classes."""
+    return KernelTable(
+        table.records, size_edges, shape_edges, table.radius, table.shear_rate, shape_name, table.about
+    )
+
+
 def switches(table: KernelTable) -> Iterator[tuple[str, Callable[[], Closure], str]]:
     """(name, closure, scheme): one assumption of the balance changed in each."""
 
     def reclassed(ratio):
         edges = size_classes(int(table.records.size.max()), ratio)
-        finer = KernelTable(
-            table.records,
-            edges,
-            table.shape_edges,
-            table.radius,
-            table.shear_rate,
-            table.shape_name,
-            table.about,
-        )
+        finer = _classed(table, edges, table.shape_edges, table.shape_name)
         return Closure(finer, grid_for(finer))
+
+    def reshaped(shapes, shape_name):
+        edges = KernelTable.of(
+            table.records, table.radius, table.shear_rate, shapes=shapes, shape_name=shape_name
+        ).shape_edges
+        other = _classed(table, table.size_edges, edges, shape_name)
+        return Closure(other, grid_for(other))
 
     yield "as tabulated", lambda: Closure(table, grid_for(table)), "fixed pivot"
     if table.shape_edges is not None:
@@ -254,6 +262,10 @@ def switches(table: KernelTable) -> Iterator[tuple[str, Callable[[], Closure], s
             lambda: Closure(table, grid_for(table), memory=False),
             "fixed pivot",
         )
+        twice = 2 * table.shapes
+        yield f"{twice} classes of shape", lambda: reshaped(twice, table.shape_name), "fixed pivot"
+        other = "outer radius" if table.shape_name != "outer radius" else "aspect ratio"
+        yield f"shapes told apart by {other}", lambda: reshaped(table.shapes, other), "fixed pivot"
         yield "one mean shape per size", lambda: Closure(table, grid_for(table, shapes=None)), "fixed pivot"
     yield "outcomes by the fitted law alone", lambda: Closure(table, grid_for(table), "smooth"), "fixed pivot"
     yield "size classes half as wide", lambda: reclassed(1.16), "fixed pivot"
@@ -266,28 +278,59 @@ def switches(table: KernelTable) -> Iterator[tuple[str, Callable[[], Closure], s
         yield "the run's encounters alone", lambda: Closure(only, grid_for(only)), "fixed pivot"
 
 
-def switch_table(table: KernelTable, initial: int, duration: float, replicas: int = 8) -> xr.Dataset:
-    """Steady <P>, relative deviation and d32 with each switch, and in a finite population of the run's size."""
+def distance(one: np.ndarray, other: np.ndarray) -> float:
+    """Total variation distance of two distributions: the share of aggregates that would have to change size."""
+    return float(0.5 * np.abs(one - other).sum())
+
+
+def _to_32(share: np.ndarray) -> np.ndarray:
+    """Shares of sizes 1 ... 32, which every grid here has one by one, and of all beyond."""
+    return np.append(np.pad(share[:32], (0, max(0, 32 - share.size))), share[32:].sum())
+
+
+def switch_table(
+    table: KernelTable,
+    initial: int,
+    duration: float,
+    times: np.ndarray,
+    late: float,
+    counted: np.ndarray | None = None,
+    replicas: int = 8,
+) -> xr.Dataset:
+    """What each switch, and a population of the run's size, make of the balance.
+
+    Steady <P>, relative deviation and d32; <P> at the last of `times`; and, given the shares `counted` (sizes + 1,) of a
+    run from `late` [s] on, the distance of the shares then from them.
+    """
     names, rows = [], []
+    off = lambda share: np.nan if counted is None else distance(_to_32(share), _to_32(counted[1:]))
     for name, make, scheme in switches(table):
         closure = make()
         balance = closure.balance(scheme=scheme)
-        steady = steady_state(balance, start_of(closure.grid, table))
-        found = steady_summary(balance, steady.population)
+        start = start_of(closure.grid, table)
+        found = steady_summary(balance, steady_state(balance, start).population)
+        then = course_output(start, times, share_from=late, rtol=1e-5)(balance)
         names.append(name)
-        rows.append([float(found[key]) for key in ("mean_size", "relative_deviation", "sauter_diameter")])
+        rows.append(
+            [float(found[key]) for key in SUMMARY] + [float(then["mean_size"][-1]), off(then["late_share"])]
+        )
     closure = Closure(table, grid_for(table))
-    times = np.linspace(0, duration, 101)
-    finite = population_course(
-        closure, float(table.about["volume_fraction"]), times, initial=initial, replicas=replicas
-    )
-    late = finite.isel(time=slice(60, None))
+    phi = float(table.about["volume_fraction"])
+    settled = population_course(
+        closure, phi, np.linspace(0, duration, 101), initial=initial, replicas=replicas
+    ).isel(time=slice(60, None))
+    early = population_course(
+        closure, phi, times, initial=initial, replicas=4 * replicas, steady_from=late
+    ).mean("replica")
     names.append(f"a finite population of {initial}")
-    deviation = (late.size_deviation / late.mean_size).mean()
-    rows.append([float(late.mean_size.mean()), float(deviation), np.nan])
-    columns = ("mean_size", "relative_deviation", "sauter_diameter")
+    deviation = (settled.size_deviation / settled.mean_size).mean()
+    values = (settled.mean_size.mean(), deviation, settled.sauter_diameter.mean(), early.mean_size[-1])
+    rows.append([float(v) for v in values] + [off(early.share.values[1:])])
+    columns = (*SUMMARY, "end_mean_size", "late_distance")
     return xr.Dataset(
-        {c: ("switch", [row[k] for row in rows]) for k, c in enumerate(columns)}, {"switch": names}
+        {c: ("switch", [row[k] for row in rows]) for k, c in enumerate(columns)},
+        {"switch": names},
+        {"until": float(times[-1])},
     )
 
 
@@ -312,7 +355,12 @@ def efficiencies(tables: list[KernelTable]) -> xr.Dataset:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The three accounts at one stress: `course` over time, `distribution` at steady state, `numbers`, `switches`."""
+    """The three accounts at one stress: `course` over time, `distribution` of sizes, `numbers`, `switches`.
+
+    Bands: *_low, *_high hold 90 % of what the table leaves open; *_run_low, *_run_high 90 % of single runs of the Monte
+    Carlo's size to come, table and finite population together.  `distribution`: density at steady state, late_density
+    averaged over the last part of the run, steady or not; *_monte_carlo is of that part.
+    """
 
     course: xr.Dataset
     distribution: xr.Dataset
@@ -348,19 +396,33 @@ def compare(
     tell("steady state", 0.05)
     steady = steady_state(closure.mean, start)
     mean = steady_summary(closure.mean, steady.population)
-    both_course = course_output(start, times, rtol=1e-5)
+    late = (1 - STEADY_SHARE) * (until if run is None else min(until, float(run.time[-1])))
+    both_course = course_output(start, times, share_from=late, rtol=1e-5)
     both_steady = steady_output(start, guess=steady.population)
 
     def output(balance):
         return {f"course_{k}": v for k, v in both_course(balance).items()} | dict(both_steady(balance))
 
     centre = output(closure.mean)
-    drawn = draws_of(closure, output, draws, seed, lambda k: tell("draws", 0.05 + 0.6 * k / draws))
+    drawn = draws_of(closure, output, draws, seed, lambda k: tell("draws", 0.05 + 0.5 * k / draws))
+    replica = None
+    if run is not None:
+        replica = population_course(
+            closure,
+            float(table.about["volume_fraction"]),
+            times,
+            initial=run.initial,
+            replicas=draws,
+            seed=seed,
+            steady_from=late,
+            drawn=True,
+            progress=lambda k: tell("single runs", 0.55 + 0.15 * k / draws),
+        )
     settled = run is not None and run.is_steady
     target = run.steady["mean_size"][0] if run is not None and settled else float(mean["mean_size"])
     tell("analytical laws", 0.7)
     data: dict[str, tuple] = {}
-    for key, unit in (("mean_size", "1"), ("size_deviation", "1"), ("sauter_diameter", "m")):
+    for key, unit in COURSE:
         low, high = band(drawn[f"course_{key}"].values)
         data |= {
             key: ("time", centre[f"course_{key}"], {"units": unit}),
@@ -369,8 +431,11 @@ def compare(
         }
         if run is not None:
             data[f"{key}_monte_carlo"] = ("time", run.at(key, times), {"units": unit})
+        if replica is not None:
+            for end, values in zip(("low", "high"), band(replica[key].values), strict=True):
+                data[f"{key}_run_{end}"] = ("time", values, {"units": unit})
     numbers: dict[str, float] = {}
-    for key in ("mean_size", "relative_deviation", "sauter_diameter"):
+    for key in SUMMARY:
         low, high = band(drawn[key].values)
         numbers |= {key: float(mean[key]), f"{key}_low": float(low), f"{key}_high": float(high)}
         if run is not None and settled:
@@ -389,23 +454,25 @@ def compare(
             "end_mean_size_high": float(high),
             "end_mean_size_monte_carlo": float(run.at("mean_size", times[-1:])[0]),
         }
+        for end in ("run_low", "run_high"):
+            numbers[f"end_mean_size_{end}"] = float(data[f"mean_size_{end}"][1][-1])
 
     grid = closure.grid
-    share_low, share_high = band(drawn["share"].values)
     width = np.diff(grid.edges)
     shares = {
-        "density": ("size", np.asarray(mean["share"]) / width),
-        "density_low": ("size", share_low / width),
-        "density_high": ("size", share_high / width),
+        **_banded("density", np.asarray(mean["share"]), drawn["share"].values, width),
+        **_banded("late_density", centre["course_late_share"], drawn["course_late_share"].values, width),
     }
     if "hamaker_constant" in table.about:
         analytical = AnalyticalBalance.fitted(table, target)
         laws = analytical.balance()
         law_start = start_of(analytical.grid, table)
-        for key, values in course_output(law_start, times, rtol=1e-5)(laws).items():
-            data[f"{key}_analytical"] = ("time", values)
+        course = course_output(law_start, times, share_from=late, rtol=1e-5)(laws)
+        for key, unit in COURSE:
+            data[f"{key}_analytical"] = ("time", course[key], {"units": unit})
         law_mean = steady_summary(laws, steady_state(laws, law_start).population)
         shares["density_analytical"] = ("size", np.asarray(law_mean["share"]) / width)
+        shares["late_density_analytical"] = ("size", course["late_share"] / width)
         numbers |= {
             "eta_11_equation_23": analytical.efficiency,
             "mean_size_analytical": float(law_mean["mean_size"]),
@@ -413,18 +480,37 @@ def compare(
             "sauter_diameter_analytical": float(law_mean["sauter_diameter"]),
             "breakup_rate_analytical": analytical.rate,
         }
-    distribution = xr.Dataset(shares, {"size": grid.pivots})
-    if run is not None:
-        edges = np.round(grid.edges + 0.5).astype(int)
-        counted = np.append(run.share, np.zeros(max(0, edges[-1] + 1 - run.share.size)))
-        error = np.append(np.nan_to_num(run.share_error), np.zeros(max(0, edges[-1] + 1 - run.share.size)))
-        cells = np.array([counted[a:b].sum() for a, b in itertools.pairwise(edges)])
-        spread = np.array([np.sqrt((error[a:b] ** 2).sum()) for a, b in itertools.pairwise(edges)])
-        distribution["density_monte_carlo"] = ("size", cells / width)
-        distribution["density_monte_carlo_error"] = ("size", spread / width)
+    if run is not None and replica is not None:
+        low, high = band(np.stack([_on_grid(one, grid) for one in replica.share.values]))
+        shares["late_density_run_low"] = ("size", low / width)
+        shares["late_density_run_high"] = ("size", high / width)
+        counted = _on_grid(run.share, grid)
+        shares["density_monte_carlo"] = ("size", counted / width)
+        shares["density_monte_carlo_error"] = (
+            "size",
+            np.sqrt(_on_grid(np.nan_to_num(run.share_error) ** 2, grid)) / width,
+        )
+        for key, _ in COURSE:
+            numbers[f"{key}_inside"] = _inside(*(data[f"{key}_{of}"][1][1:] for of in RUN_BAND))
+        # A class in which neither is expected says nothing.
+        told = (counted > 0) | (high > 0)
+        numbers["late_share_inside"] = _inside(counted[told], low[told], high[told])
+        numbers["late_from"] = late
+        own = _to_32(centre["course_late_share"])
+        numbers["late_distance"] = distance(own, _to_32(run.share[1:]))
+        chance = [distance(own, _to_32(one[1:])) for one in replica.share.values]
+        numbers["late_distance_run_high"] = float(np.quantile(chance, LEVEL))
+    distribution = xr.Dataset(shares, {"size": grid.pivots}, {"steady_run": int(settled)})
     tell("switches", 0.8)
     duration = max(until, 1.5 * settling_time(closure.mean, start, float(mean["mean_size"])))
-    switched = switch_table(table, run.initial if run is not None else 200, duration)
+    switched = switch_table(
+        table,
+        run.initial if run is not None else 200,
+        duration,
+        times,
+        late,
+        run.share if run is not None else None,
+    )
     tell("done", 1.0)
     return Comparison(
         xr.Dataset(data, {"time": ("time", times, {"units": "s"})}),
@@ -435,6 +521,27 @@ def compare(
         run,
         steady,
     )
+
+
+RUN_BAND = ("monte_carlo", "run_low", "run_high")
+
+
+def _inside(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
+    """Share of the values within their band."""
+    return float(((values >= low) & (values <= high)).mean())
+
+
+def _banded(name: str, centre: np.ndarray, drawn: np.ndarray, width: np.ndarray) -> dict[str, tuple]:
+    low, high = band(drawn)
+    columns = {name: centre, f"{name}_low": low, f"{name}_high": high}
+    return {n: ("size", v / width) for n, v in columns.items()}
+
+
+def _on_grid(per_size: np.ndarray, grid: Grid) -> np.ndarray:
+    """(S,) sums over the classes of values per whole size 0, 1, 2 ..."""
+    edges = np.round(grid.edges + 0.5).astype(int)
+    padded = np.append(per_size, np.zeros(max(0, edges[-1] + 1 - per_size.size)))
+    return np.array([padded[a:b].sum() for a, b in itertools.pairwise(edges)])
 
 
 def volume_fractions(table: KernelTable, mean_size: float, factors=(0.25, 0.5, 1.0, 2.0, 4.0)) -> xr.Dataset:

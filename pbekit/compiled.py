@@ -370,7 +370,7 @@ def finite_population(
     """Event-driven Monte Carlo on a closure: the balance's own rates in a finite, doubling population.
 
     sizes, shapes (capacity,) the population, `number` of them; doubled when fewer than `keep` are left
-    series (times, 4) receives number, volume, sum of P, sum of P^2; histogram (largest + 1,) counts sizes over the samples
+    series (times, 6) receives number, volume, sums of P, P^2, R^2 and R^3; histogram (largest + 1,) counts sizes over the samples
     from `from_sample` on.  Returns the number of encounters.
     """
     m = lookup.moments
@@ -390,6 +390,9 @@ def finite_population(
                 for k in range(number):
                     series[sample, 2] += sizes[k]
                     series[sample, 3] += sizes[k] ** 2
+                    c = _cell_of(lookup, sizes[k], shapes[k])
+                    series[sample, 4] += m[1, c]
+                    series[sample, 5] += m[2, c]
                     if sample >= from_sample:
                         histogram[min(sizes[k], histogram.size - 1)] += 1
                 sample += 1
@@ -424,7 +427,10 @@ def finite_population(
             low, high = lookup.near_start[pair], lookup.near_start[pair + 1]
             event = lookup.near_event[low + _pick(lookup.near_weight[low:high], rng)]
             count = _scaled(
-                lookup.event_size[lookup.event_start[event] : lookup.event_start[event + 1]], joint, pieces
+                lookup.event_size[lookup.event_start[event] : lookup.event_start[event + 1]],
+                joint,
+                pieces,
+                rng,
             )
             sizes[i], shapes[i] = pieces[0], _shaped(lookup, lookup.scattered, pieces[0], rng)
             for k in range(2, count):
@@ -443,9 +449,10 @@ def finite_population(
 
 
 @njit(cache=True)
-def _scaled(fragments, joint, out):
+def _scaled(fragments, joint, out, rng):
     """Fragments of a similar encounter made whole primaries of `joint` in all: monomers and dimers stay, the rest is scaled.
 
+    Rounding is up or down by chance, as a pivot's neighbours share a fragment between them; the largest holds the rest.
     Returns how many there are.
     """
     light, heavy = 0, 0
@@ -467,7 +474,7 @@ def _scaled(fragments, joint, out):
         return count + 1
     left, count, most = joint, 0, 0
     for f in fragments:
-        size = f if f <= 2 else max(1, int(f * room / heavy))
+        size = f if f <= 2 else max(1, int(f * room / heavy + rng.random()))
         out[count] = size
         left -= size
         if out[count] > out[most]:

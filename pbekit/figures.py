@@ -25,10 +25,11 @@ STYLE = {
     "lines.linewidth": 1.3,
     "savefig.dpi": 200,
 }
-TABULATED, MONTE_CARLO, ANALYTICAL = (
+TABULATED, MONTE_CARLO, ANALYTICAL, SINGLE_RUNS = (
     "balance on tabulated encounters",
     "Monte Carlo",
     "van de Ven-Mason, power-law breakup",
+    "90 % of single runs of its size, by table and chance",
 )
 
 
@@ -54,74 +55,84 @@ def draw_course(found: Comparison, path: Path) -> Path:
             time = course.time.values
             if f"{key}_monte_carlo" in course:
                 ax.plot(time, unit * course[f"{key}_monte_carlo"], color=BLACK, lw=0.8, label=MONTE_CARLO)
+            if f"{key}_run_low" in course:
+                ends = (unit * course[f"{key}_run_{end}"] for end in ("low", "high"))
+                ax.fill_between(time, *ends, color=BLUE, alpha=0.12, lw=0, label=SINGLE_RUNS)
             low, high = (unit * course[f"{key}_{end}"] for end in ("low", "high"))
-            ax.fill_between(time, low, high, color=BLUE, alpha=0.25, lw=0)
+            ax.fill_between(time, low, high, color=BLUE, alpha=0.3, lw=0)
             ax.plot(time, unit * course[key], color=BLUE, label=f"{TABULATED}, 90 % band")
             if f"{key}_analytical" in course:
                 ax.plot(time, unit * course[f"{key}_analytical"], color=VERMILION, ls="--", label=ANALYTICAL)
             ax.set(xlabel="time [s]", ylabel=label, xlim=(0, time[-1]))
             ax.set_ylim(bottom=0)
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
         return save(figure, course, path)
 
 
 def draw_distribution(found: Comparison, path: Path) -> Path:
-    """Steady number distribution, three accounts."""
-    data = found.distribution
+    """Number distribution of the run's last part, three accounts; and at steady state."""
+    data, late = found.distribution, found.numbers.get("late_from")
+    panels = ["density"] if late is None else ["late_density", "density"]
     with plt.rc_context(STYLE):
-        figure, ax = plt.subplots(figsize=(4.2, 3.4))
-        size = data["size"].values
-        ax.fill_between(size, data.density_low, data.density_high, color=BLUE, alpha=0.25, lw=0)
-        ax.plot(size, data.density, color=BLUE, label=f"{TABULATED}, 90 % band")
-        if "density_monte_carlo" in data:
-            seen = data.density_monte_carlo.values > 0
-            ax.errorbar(
-                size[seen],
-                data.density_monte_carlo[seen],
-                yerr=data.density_monte_carlo_error[seen],
-                fmt="o",
-                ms=3,
-                lw=0.8,
-                color=BLACK,
-                label=f"{MONTE_CARLO}, standard error",
-            )
-        if "density_analytical" in data:
-            ax.plot(size, data.density_analytical, color=VERMILION, ls="--", label=ANALYTICAL)
-        top = float(data.density.max())
-        ax.set(
-            xscale="log",
-            yscale="log",
-            xlabel="primaries per aggregate $P$",
-            ylabel="number share per primary",
-        )
-        ax.set_ylim(1e-5 * top, 3 * top)
-        ax.set_xlim(0.9, size[np.flatnonzero(data.density.values > 1e-5 * top)[-1]] * 1.1)
-        figure.legend(loc="outside lower center")
+        figure, axes = plt.subplots(1, len(panels), figsize=(4.2 * len(panels), 3.6), squeeze=False)
+        for ax, key in zip(axes[0], panels, strict=True):
+            _distribution(ax, data, key)
+            ax.set_title("steady state" if key == "density" else f"from {late:.3g} s to the run's end")
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(panels))
         return save(figure, data, path)
 
 
+def _distribution(ax, data: xr.Dataset, key: str) -> None:
+    size = data["size"].values
+    top = float(data[key].max())
+    floor = 1e-5 * top
+    if f"{key}_run_low" in data:
+        # A run of some hundred aggregates may show none of a size: its band then reaches below the axis.
+        ends = (np.maximum(data[f"{key}_run_{end}"], 0.1 * floor) for end in ("low", "high"))
+        ax.fill_between(size, *ends, color=BLUE, alpha=0.12, lw=0, label=SINGLE_RUNS)
+    ax.fill_between(size, data[f"{key}_low"], data[f"{key}_high"], color=BLUE, alpha=0.3, lw=0)
+    ax.plot(size, data[key], color=BLUE, label=f"{TABULATED}, 90 % band")
+    # A run that still changes shows no steady state.
+    if "density_monte_carlo" in data and (key == "late_density" or data.attrs["steady_run"]):
+        seen = data.density_monte_carlo.values > 0
+        ax.plot(size[seen], data.density_monte_carlo[seen], "o", ms=3, color=BLACK, label=MONTE_CARLO)
+    if f"{key}_analytical" in data:
+        ax.plot(size, data[f"{key}_analytical"], color=VERMILION, ls="--", label=ANALYTICAL)
+    ax.set(
+        xscale="log", yscale="log", xlabel="primaries per aggregate $P$", ylabel="number share per primary"
+    )
+    ax.set_ylim(floor, 5 * top)
+    ax.set_xlim(0.9, size[np.flatnonzero(data[key].values > floor)[-1]] * 1.1)
+
+
 def draw_switches(found: Comparison, path: Path) -> Path:
-    """Steady <P> with one assumption changed in each line, beside the Monte Carlo."""
+    """<P> at the run's end and at steady state with one assumption changed in each line, beside the Monte Carlo."""
     data, numbers = found.switches, found.numbers
+    panels = [("mean_size", r"steady $\langle P\rangle$")]
+    if "end" in numbers:
+        panels.insert(0, ("end_mean_size", rf"$\langle P\rangle$ after {numbers['end']:.3g} s"))
+        panels.append(("late_distance", "distance of sizes from the Monte Carlo's"))
     with plt.rc_context(STYLE):
-        figure, ax = plt.subplots(figsize=(5.6, 3.2))
-        y = np.arange(data.sizes["switch"])[::-1]
-        if "mean_size_monte_carlo" in numbers:
-            mean, error = numbers["mean_size_monte_carlo"], numbers["mean_size_monte_carlo_error"]
-            ax.axvspan(mean - 1.645 * error, mean + 1.645 * error, color=BLACK, alpha=0.15, lw=0)
-            ax.axvline(mean, color=BLACK, lw=0.9, label=f"{MONTE_CARLO}, 90 % of its time average")
-        ax.axvspan(
-            numbers["mean_size_low"],
-            numbers["mean_size_high"],
-            color=BLUE,
-            alpha=0.2,
-            lw=0,
-            label="90 % band of the table",
+        figure, axes = plt.subplots(
+            1, len(panels), figsize=(3.0 + 2.7 * len(panels), 3.6), sharey=True, squeeze=False
         )
-        ax.plot(data.mean_size, y, "o", color=BLUE, ms=4)
-        ax.set_yticks(y, data.switch.values)
-        ax.set(xlabel=r"steady mean size $\langle P\rangle$")
-        figure.legend(loc="outside lower center", ncols=2)
+        y = np.arange(data.sizes["switch"])[::-1]
+        for ax, (key, label) in zip(axes[0], panels, strict=True):
+            if f"{key}_run_high" in numbers:
+                ends = (numbers.get(f"{key}_run_low", 0.0), numbers[f"{key}_run_high"])
+                ax.axvspan(*ends, color=BLUE, alpha=0.12, lw=0, label=SINGLE_RUNS)
+            if f"{key}_low" in numbers:
+                ends = (numbers[f"{key}_low"], numbers[f"{key}_high"])
+                ax.axvspan(*ends, color=BLUE, alpha=0.3, lw=0, label="90 % band of the table")
+            mean, error = numbers.get(f"{key}_monte_carlo"), numbers.get(f"{key}_monte_carlo_error")
+            if mean is not None:
+                ax.axvline(mean, color=BLACK, lw=0.9, label=MONTE_CARLO)
+            if mean is not None and error is not None:
+                ax.axvspan(mean - 1.645 * error, mean + 1.645 * error, color=BLACK, alpha=0.15, lw=0)
+            ax.plot(data[key], y, "o", color=BLUE, ms=4)
+            ax.set_yticks(y, data.switch.values)
+            ax.set(xlabel=label)
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
         return save(figure, data, path)
 
 

@@ -7,6 +7,8 @@ against the balance is the error of the mean field; its spread is what one run c
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import xarray as xr
 
@@ -26,16 +28,24 @@ def population_course(
     steady_from: float | None = None,
     seed: int = 0,
     largest: int = 4000,
+    drawn: bool = False,
+    progress: Callable[[int], None] | None = None,
 ) -> xr.Dataset:
-    """<P>, sigma_P over time of each replica, and sizes counted from `steady_from` [s] on (the last 40 % by default)."""
-    lookup = _lookup(closure, largest)
+    """<P>, sigma_P, d32 over time of each replica, and sizes counted from `steady_from` [s] on (the last 40 % by default).
+
+    drawn : each replica follows its own posterior draw of the closure, so that their spread is that of one run to come:
+        what the table leaves open and what a finite population scatters, together
+    """
+    lookup = None if drawn else _lookup(closure, largest)
     times = np.asarray(times, float)
     volume = initial * 4 / 3 * np.pi * closure.table.radius**3 / volume_fraction
     since = 0.6 * times[-1] if steady_from is None else steady_from
-    series = np.zeros((replicas, times.size, 4))
+    series = np.zeros((replicas, times.size, 6))
     counted = np.zeros((replicas, largest + 1))
     shapes = closure.grid.shapes
     for r in range(replicas):
+        if drawn:
+            lookup = _lookup(closure, largest, np.random.default_rng([seed, r, 1]))
         sizes, shape = np.ones(64 * initial, np.int64), np.full(64 * initial, shapes, np.int64)
         compiled.finite_population(
             lookup,
@@ -50,6 +60,8 @@ def population_course(
             counted[r],
             int(np.searchsorted(times, since)),
         )
+        if progress is not None:
+            progress(r + 1)
     number, mass, square = series[..., 0], series[..., 2], series[..., 3]
     mean = mass / number
     return xr.Dataset(
@@ -60,6 +72,7 @@ def population_course(
                 np.sqrt(np.maximum(square / number - mean**2, 0)),
                 {"units": "1"},
             ),
+            "sauter_diameter": (("replica", "time"), 2 * series[..., 5] / series[..., 4], {"units": "m"}),
             "share": (
                 ("replica", "size"),
                 counted / np.maximum(counted.sum(axis=1, keepdims=True), 1),
@@ -70,9 +83,9 @@ def population_course(
     )
 
 
-def _lookup(closure: Closure, largest: int) -> compiled.Lookup:
+def _lookup(closure: Closure, largest: int, rng: np.random.Generator | None = None) -> compiled.Lookup:
     grid, table = closure.grid, closure.table
-    weight = closure.weights(None)
+    weight = closure.weights(rng)
     nearest_size = np.abs(
         np.log(np.maximum(np.arange(largest + 1), 1))[:, None] - np.log(grid.pivots)[None]
     ).argmin(axis=1)
@@ -84,21 +97,21 @@ def _lookup(closure: Closure, largest: int) -> compiled.Lookup:
         cell[:, s] = first[nearest_size] + np.minimum(s, count[nearest_size] - 1)
     cell[:, shapes] = first[nearest_size]
 
-    p = closure.probabilities(weight, None)
+    p = closure.probabilities(weight, rng)
     p = p if closure.smooth else p[closure.cell_pair]
     share_join = np.ones((1, grid.cells))
     share_scatter = np.ones(grid.cells)
     kept = np.ones((1, grid.cells, 1))
     partner_start = np.array([0, grid.cells])
     if shapes > 1:
-        joined, share_scatter = closure.shapes_of_products(weight, None)
+        joined, share_scatter = closure.shapes_of_products(weight, rng)
         share_join = joined.shares if isinstance(joined, ShapeMemory) else joined[None]
-        kept = closure.transitions(weight, None)
+        kept = closure.transitions(weight, rng)
         partner_start = closure._partner_start
     cumulate = lambda rows: np.stack([_by_size(r, grid) for r in np.atleast_2d(rows)])
     if closure.scattered.size:
         near = closure._fragment_norm
-        cumulative = near.data.copy()
+        cumulative = near.data * weight[closure.scattered][near.indices]
         for a, b in zip(near.indptr[:-1], near.indptr[1:], strict=True):
             cumulative[a:b] = np.cumsum(cumulative[a:b]) / cumulative[a:b].sum()
         r = closure.records

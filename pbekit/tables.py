@@ -85,7 +85,7 @@ class Records:
             value = np.asarray(getattr(self, f.name))
             if f.name in integer:
                 value = value.astype(np.int64)
-            elif f.name not in EXACT:
+            else:
                 # The precision of the file, so that a table read back is the table that was written.
                 value = value.astype(np.float32)
             object.__setattr__(self, f.name, value if f.name in integer else value.astype(float))
@@ -182,8 +182,6 @@ def _coordinate(name, radius, size, aspect_ratio, outer_radius, radius_of_gyrati
     return length / (radius * np.cbrt(size))
 
 
-EXACT = ("outer_radius", "product_outer_radius")
-"""Columns kept in double precision; other real numbers are in single."""
 COLUMNS = {
     "size": ("1", "primary particles of each parent"),
     "aspect_ratio": ("1", SHAPES["aspect ratio"] + " of each parent"),
@@ -509,7 +507,7 @@ class KernelTable:
             if name == "products":
                 note |= {"sample_dimension": "product"}
             small = {"outcome": np.int8, "source": np.int8}.get(
-                name, np.int32 if value.dtype.kind == "i" else "f8" if name in EXACT else "f4"
+                name, np.int32 if value.dtype.kind == "i" else "f4"
             )
             columns[name] = (dims, value.astype(small), note)
         pack = {name: {"zlib": True, "complevel": 4} for name in columns}

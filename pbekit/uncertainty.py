@@ -74,19 +74,26 @@ def steady_summary(balance: PopulationBalance, n: np.ndarray) -> dict[str, np.nd
     }
 
 
-def course_output(population: np.ndarray, times: np.ndarray, **options):
-    """An output for `draws_of`: <P>, sigma_P and d32 at the given times."""
+def course_output(population: np.ndarray, times: np.ndarray, share_from: float | None = None, **options):
+    """An output for `draws_of`: <P>, sigma_P and d32 at the given times.
+
+    share_from : [s], adds the number share of each size, averaged over the times from there on
+    """
 
     def output(balance):
         n = np.maximum(integrate(balance, population, times, **options)[:, : balance.cells], 0.0)
         grid, total = balance.grid, n.sum(axis=1)
         mean = n @ grid.mass / total
         radius = grid.state.outer_radius
-        return {
+        found = {
             "mean_size": mean,
             "size_deviation": np.sqrt(np.maximum(n @ grid.mass**2 / total - mean**2, 0.0)),
             "sauter_diameter": 2 * (n @ radius**3) / (n @ radius**2),
         }
+        if share_from is not None:
+            late = (n / total[:, None])[times >= share_from].mean(axis=0)
+            found["late_share"] = np.bincount(grid.size_of_cell, late)
+        return found
 
     return output
 

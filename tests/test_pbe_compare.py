@@ -15,9 +15,10 @@ from mcdem.tabulate import tabulate
 from pbekit import Grid, integrate
 from pbekit.cli import app
 from pbekit.closures import Closure
-from pbekit.compare import AnalyticalBalance, MonteCarlo, breakup_size, eta_11, switches
+from pbekit.compare import AnalyticalBalance, MonteCarlo, breakup_size, distance, eta_11, switches
 from pbekit.finite import population_course
 from pbekit.tables import KernelTable
+from pbekit.uncertainty import course_output
 
 ABOUT = {"volume_fraction": 0.04, "viscosity": 1.0, "hamaker_constant": 0.01, "shear_stress": 1.0}
 
@@ -58,6 +59,33 @@ def test_a_finite_population_follows_the_balance(table):
     seen = found.share.mean("replica").values[1:6]
     spread = found.share.std("replica", ddof=1).values[1:6] / np.sqrt(12)
     assert np.all(np.abs(seen - share[:5]) <= 4 * spread + 0.01 * share[:5])
+
+
+def test_single_runs_scatter_by_chance_and_by_what_the_table_leaves_open():
+    """A table of 300 encounters leaves much open, so that runs of 2000 aggregates scatter by more than chance."""
+    records = design(np.random.default_rng(8), 300, 14)
+    few = KernelTable.of(records, RADIUS, SHEAR_RATE, shapes=1, about=ABOUT)
+    closure = Closure(few, Grid.primaries(40))
+    times = np.array([0.0, 10.0])
+    spread = {}
+    for drawn in (False, True):
+        found = population_course(closure, 0.04, times, initial=2000, replicas=10, drawn=drawn)
+        np.testing.assert_allclose(found.sauter_diameter[:, 0], 2 * RADIUS, rtol=1e-6)
+        assert (found.sauter_diameter[:, 1] > 2 * RADIUS).all()
+        spread[drawn] = float(found.mean_size[:, 1].std())
+    assert spread[True] > 2 * spread[False] > 0
+
+
+def test_late_shares_are_averages_over_time(table):
+    grid = Grid.primaries(60).with_shapes(table.shape_edges)
+    closure = Closure(table, grid)
+    start, times = grid.monodisperse(0.04 / (4 / 3 * np.pi)), np.array([0.0, 5.0, 10.0])
+    found = course_output(start, times, share_from=5.0)(closure.mean)["late_share"]
+    states = integrate(closure.mean, start, times)[1:, : grid.cells]
+    shares = [np.bincount(grid.size_of_cell, n) / n.sum() for n in states]
+    np.testing.assert_allclose(found, np.mean(shares, axis=0), atol=1e-6)
+    assert distance(found, shares[0]) == pytest.approx(distance(found, shares[1]), rel=1e-4)
+    assert distance(*shares) > 0.01
 
 
 def test_analytical_laws_are_fitted_in_one_number(table):
@@ -131,12 +159,17 @@ def test_compare_draws_and_tells(files, tmp_path):
         assert (tmp_path / "c" / f"k-{name}.png").stat().st_size > 5000
         assert (tmp_path / "c" / f"k-{name}.nc").exists()
     assert (tmp_path / "c" / "eta_11.png").stat().st_size > 5000
-    for words in ("steady <P>", "eta_11", "one mean shape per size", "a finite population of 60"):
+    for words in ("steady <P>", "eta_11", "within the 90 % band of single runs", "a finite population of 60"):
         assert words in done.output
     course = xr.load_dataset(tmp_path / "c" / "k-course.nc")
     late = course.isel(time=-1)
     # The synthetic encounters depend on sizes alone, and strongly: the balance must stay near the run it came from.
     assert abs(float(late.mean_size) / float(late.mean_size_monte_carlo) - 1) < 0.3
+    assert float(late.mean_size_run_low) < float(late.mean_size) < float(late.mean_size_run_high)
+    sizes = xr.load_dataset(tmp_path / "c" / "k-distribution.nc")
+    told = np.flatnonzero(sizes.density_monte_carlo.values > 0.02)
+    assert told.size > 2
+    assert np.all(np.abs(np.log(sizes.late_density / sizes.density_monte_carlo))[told] < 1)
 
 
 def test_mistakes_are_answered_in_a_line(files, tmp_path):
