@@ -56,7 +56,7 @@ STRENGTH = {
     "born": "strength",
     "steric": "pressure",
     "jkr": "pull_off_force",
-    "dmt": "pull_off_force",
+    "dmt": "pull_off_force modulus",
 }
 
 
@@ -139,9 +139,11 @@ def without_strength(physics, effect: str):
     """The same physics with the strength of one effect zero."""
     if effect in ("born", "steric"):
         bundle = physics.short_range
-        kernel = getattr(bundle, effect)._replace(**{STRENGTH[effect]: 0.0})
+        kernel = getattr(bundle, effect)._replace(**dict.fromkeys(STRENGTH[effect].split(), 0.0))
         return physics._replace(short_range=bundle._replace(**{effect: kernel}))
-    return physics._replace(**{effect: getattr(physics, effect)._replace(**{STRENGTH[effect]: 0.0})})
+    return physics._replace(
+        **{effect: getattr(physics, effect)._replace(**dict.fromkeys(STRENGTH[effect].split(), 0.0))}
+    )
 
 
 def work(effect: str, scheme: str, level: str) -> None:

@@ -252,7 +252,7 @@ def simulate_encounter(
         flow, physics, implicit, paper, shortcuts_of(scene), log, strain, scene.numerics.most_steps, frames
     )
     started = time.process_time()
-    with _linear_algebra().limit(limits=1):
+    with _linear_algebra().limit(limits=1, user_api="blas"):
         code = integrate(motion, course)
     cpu_time = time.process_time() - started
     if record is not None and frames is not None:
