@@ -47,6 +47,7 @@ def check(scene: Scene) -> list[Finding]:
         *_holding(scene),
         *_barrier(scene),
         *_capture(scene),
+        *_frozen_matrix(scene),
         *_dilution(scene),
         *_numerics(scene),
     ]
@@ -269,6 +270,32 @@ def _capture(scene: Scene) -> Iterator[Finding]:
             yield Finding(name, cutoff / roughness, "fine", words)
 
 
+def _frozen_matrix(scene: Scene) -> Iterator[Finding]:
+    """Whether contacts lie so far below the cut-off that the strain squeezes them through the frozen resistance."""
+    contact, fluid = scene.effects.contact, scene.hydrodynamics
+    if contact is None or not fluid.lubrication or fluid.cutoff_reading != "matrix":
+        return
+    from mcdem.hydrodynamics.two_sphere import SMALLEST_GAP
+
+    overlap = -contact.kernel(scene).equilibrium_gap
+    frozen = max(fluid.lubrication_cutoff, SMALLEST_GAP)
+    ratio, share = frozen / overlap, doublet_share(frozen, overlap)
+    name = "cut-off delta over the overlap of a contact at rest"
+    if share > 0.0:
+        told = f'with cutoff_reading = "matrix" a touching doublet bears {share:.2g} of its exact tension'
+    else:
+        told = (
+            'with cutoff_reading = "matrix" the flow presses a touching doublet together where it should pull'
+        )
+    if ratio > 5.0:
+        yield Finding(name, ratio, "fine", f"contacts rest well above minus delta (above 5): {told}")
+    elif ratio > 1.0:
+        yield Finding(name, ratio, "note", f"contacts overlap by a good part of delta (1 to 5): {told}")
+    else:
+        words = f'contacts overlap by more than delta (below 1): {told}; choose cutoff_reading = "gap"'
+        yield Finding(name, ratio, "warning", words)
+
+
 def _dilution(scene: Scene) -> Iterator[Finding]:
     """Encounters are binary: each must be over before the next begins."""
     # Each primary meets 8 phi g/pi others in unit time at the start (Eq. 2 over N/2 pairs each).
@@ -329,6 +356,15 @@ def tabor_number(radius: float, work: float, modulus: float, reach: float) -> fl
     reach : range z0 of the attraction [m]
     """
     return (radius * work**2 / (modulus**2 * reach**3)) ** (1.0 / 3.0)
+
+
+def doublet_share(cutoff: float, overlap: float) -> float:
+    """Tension of a touching doublet over its exact one, where the resistance is frozen at the cut-off; lengths in a.
+
+    Beside the tension T of the exact problem, 6.12 pi mu a^2 g, the strain g/2 at the true distance moves the surfaces together
+    (cut-off + overlap)/2 too fast against the damping 6 pi mu a/(4 delta) of the cut-off.
+    """
+    return 1.0 - (1.0 + overlap / cutoff) / 8.0 / (6.12 / 6.0)
 
 
 def contact_relaxation(scene: Scene) -> float:

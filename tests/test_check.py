@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from typer.testing import CliRunner
 
 import mcdem
-from mcdem.check import check, contact_relaxation, tabor_number
+from mcdem.check import check, contact_relaxation, doublet_share, tabor_number
 from mcdem.cli import app
 
 SCENES = Path(__file__).parent.parent / "scenes"
@@ -87,6 +87,9 @@ def test_every_scene_can_be_checked(path):
         ({"hydrodynamics.lubrication_cutoff": 0.0}, "cut-off delta over the gap", "note", "depends on l0 instead"),
         ({"hydrodynamics.lubrication_cutoff": 0.2}, "cut-off delta over l0/a", "warning", "little of lubrication is left"),
         ({"hydrodynamics.lubrication_cutoff": 1e-4}, "cut-off delta over l0/a", "note", "below the molecular roughness"),
+        ({"hydrodynamics.lubrication_cutoff": 1e-3}, "cut-off delta over the overlap", "note", "by a good part of delta"),
+        ({"hydrodynamics.lubrication_cutoff": 1e-4}, "cut-off delta over the overlap", "warning", "bears 0.1 of its exact"),
+        ({"hydrodynamics.lubrication_cutoff": 0.0}, "cut-off delta over the overlap", "warning", "presses a touching doublet"),
         ({"suspension.volume_fraction": 0.01}, "simulated time", "warning", "too crowded"),
         ({"suspension.volume_fraction": 1e-3}, "simulated time", "note", "may meet a third"),
         ({"numerics.scheme": "paper", "numerics.paper_base_step": "5 us"}, "paper's step", "warning", "past the limit"),
@@ -172,6 +175,29 @@ def test_relaxation_time_without_lubrication_is_that_of_two_touching_spheres(lev
     words = " ".join(one.words for one in check(bare))
     assert f'level = "{level}" is without lubrication' in words
     assert "delta" not in words
+
+
+def doublet_tension(scene, gap):
+    """Tension of two spheres held at `gap` [a] where the flow stretches most, over the exact 6.12 pi mu a^2 g of a doublet."""
+    along = np.array([0.0, 1.0, 1.0]) / np.sqrt(2.0)
+    positions = scene.suspension.radius * (1.0 + 0.5 * gap) * np.outer([-1.0, 1.0], along)
+    pull = scene.reduced.force * np.outer([1.0, -1.0], along)
+    free, pulled = (
+        np.diff(mcdem.velocities(scene, positions, forces).linear @ along)[0]
+        for forces in (np.zeros((2, 3)), pull)
+    )
+    return free / (free - pulled) / (6.12 / 6.0)
+
+
+@pytest.mark.parametrize("cutoff", [5e-3, 1e-3, 3e-4, 1e-4])
+def test_a_doublet_bears_what_the_frozen_matrix_leaves(cutoff):
+    """The estimate of `mcdem check` against the forces that hold a doublet; reading the gap loses nothing."""
+    frozen = scene(hydrodynamics__lubrication_cutoff=cutoff)
+    gap = frozen.effects.jkr.kernel(frozen).equilibrium_gap
+    assert doublet_share(cutoff, -gap) == pytest.approx(doublet_tension(frozen, gap), abs=0.01)
+    read = frozen.with_changes({"hydrodynamics.cutoff_reading": "gap"})
+    assert doublet_tension(read, gap) == pytest.approx(1.0, abs=0.01)
+    assert not [one for one in check(read) if one.name.startswith("cut-off delta over the overlap")]
 
 
 def test_mean_approach_is_that_of_the_flux():
