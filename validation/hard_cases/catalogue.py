@@ -88,9 +88,7 @@ MATERIAL: list[Case] = [
     *ranged("gamma", "effects.jkr.surface_energy", ("0.1 J/m^2",)),
     *ranged("viscosity", "flow.viscosity", ("1e-3 Pa s",)),
     *ranged("viscosity", "flow.viscosity", ("10 Pa s",), chaotic=True),
-    *ranged("shear rate", "flow.shear_rate", ("1 1/s",), expected={
-            law: "steps of 0.2/g tell numberings apart by 2e-3 a, as much as the step's own error; steps of 0.1/g by 1e-8 a"
-            for law in ("numbering", "translation")}),
+    *ranged("shear rate", "flow.shear_rate", ("1 1/s",)),
     *ranged("shear rate", "flow.shear_rate", ("1e6 1/s",), chaotic=True),
     *ranged("delta", "hydrodynamics.lubrication_cutoff", (0.0, 1e-5, 1e-4, 1e-3, 0.1)),
     Encounter("delta = 1e-05, shifted", "reads the cut-off as that of the gap", *TETRAHEDRON, changes={
