@@ -26,10 +26,13 @@ class Aggregate:
     positions : (P, 3) [m] centres about the centre of mass
     bonds : (B, 2) contacts i < j, sorted.  They are carried through everything that happens: a pair with a gap
         between 0 and the pull-off gap can be in contact or not, so geometry alone cannot tell.
+    springs : (B, 7) history of each contact between its spheres i (1) and j (2), lengths in radii of a primary, angles in
+        radians, as `mcdem.effects.tangential` keeps it; None without one: contacts at rest, or of a scene without resistances
     """
 
     positions: NDArray[np.float64]
     bonds: NDArray[np.int32]
+    springs: NDArray[np.float64] | None = None
 
     @property
     def size(self) -> int:
@@ -50,11 +53,20 @@ class Aggregate:
         return cls(np.zeros((1, 3)), np.zeros((0, 2), np.int32))
 
     @classmethod
-    def from_contacts(cls, positions: NDArray[np.float64], bonded: NDArray[np.bool_]) -> Aggregate:
-        """The aggregate at `positions` (P, 3) [m] with the contact network `bonded` (P, P)."""
+    def from_contacts(
+        cls,
+        positions: NDArray[np.float64],
+        bonded: NDArray[np.bool_],
+        springs: NDArray[np.float64] | None = None,
+    ) -> Aggregate:
+        """The aggregate at `positions` (P, 3) [m] with the contact network `bonded` (P, P).
+
+        springs : (P, P, 7) history of the contact of i < j at [j, i]
+        """
         first, second = np.nonzero(np.triu(bonded, 1))
         centred = positions - positions.mean(axis=0)
-        return cls(centred, np.column_stack([first, second]).astype(np.int32))
+        bonds = np.column_stack([first, second]).astype(np.int32)
+        return cls(centred, bonds, None if springs is None else springs[second, first])
 
     @classmethod
     def from_positions(cls, scene: Scene, positions: ArrayLike, bonds: ArrayLike | None = None) -> Aggregate:
@@ -111,7 +123,11 @@ class Aggregate:
         """The aggregate in a random orientation, uniform over all rotations."""
         if self.size == 1:
             return self
-        return Aggregate(Rotation.random(rng=rng).apply(self.positions), self.bonds)
+        turn = Rotation.random(rng=rng)
+        springs = self.springs
+        if springs is not None and len(springs):
+            springs = np.hstack([turn.apply(springs[:, :3]), turn.apply(springs[:, 3:6]), springs[:, 6:]])
+        return Aggregate(turn.apply(self.positions), self.bonds, springs)
 
 
 def overlap_limit(scene: Scene) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 import threadpoolctl
 
 from mcdem.aggregate import Aggregate, split
-from mcdem.errors import SceneError, UserError
+from mcdem.errors import UserError
 from mcdem.hydrodynamics.far_field import tensor_to_five
 from mcdem.hydrodynamics.two_sphere import lubrication_table
 from mcdem.stepping import state
@@ -108,9 +108,6 @@ def physics_of(scene: Scene) -> tuple[state.Flow, state.Physics]:
     five = np.empty(5)
     tensor_to_five(strain, five)
     kernels = scene.effects.kernels(scene)
-    for name in ("sliding", "rolling", "twisting", "rods"):
-        if getattr(kernels, name) is not None:
-            raise SceneError(f"{scene.name}: [effects.{name}] is not yet followed in an encounter; remove it")
     level = scene.hydrodynamics.level
     physics = state.Physics(
         cutoff=scene.hydrodynamics.lubrication_cutoff,
@@ -123,6 +120,10 @@ def physics_of(scene: Scene) -> tuple[state.Flow, state.Physics]:
         short_range=kernels.short_range,
         jkr=kernels.jkr,
         dmt=kernels.dmt,
+        sliding=kernels.sliding,
+        rolling=kernels.rolling,
+        twisting=kernels.twisting,
+        rods=kernels.rods,
     )
     return state.Flow(gradient, strain, five), physics
 
@@ -243,6 +244,7 @@ def simulate_encounter(
         np.full(bonded.shape, -np.inf),
         np.ones(sum(sizes)),
         parent,
+        springs_of(pair) if scene.effects.resisting else None,
     )
     flow, physics = physics_of(scene)
     implicit, paper = scheme_of(scene)
@@ -274,7 +276,14 @@ def simulate_encounter(
     else:
         members = tuple(split(motion.bonded))
         final = motion.positions * units.length
-        products = tuple(Aggregate.from_contacts(final[m], motion.bonded[np.ix_(m, m)]) for m in members)
+        products = tuple(
+            Aggregate.from_contacts(
+                final[m],
+                motion.bonded[np.ix_(m, m)],
+                None if motion.springs is None else motion.springs[np.ix_(m, m)],
+            )
+            for m in members
+        )
         centres = np.array([final[m].mean(axis=0) for m in members])
         outcome = classify(members, sizes[0], contact)
     return EncounterResult(
@@ -296,6 +305,19 @@ def simulate_encounter(
         reason=reason,
         state=kept,
     )
+
+
+def springs_of(pair: list[Aggregate]) -> NDArray[np.float64]:
+    """Histories (N, N, 7) of the contacts of two aggregates side by side, in the order of `state.Motion`."""
+    total = sum(a.size for a in pair)
+    springs = np.zeros((total, total, 7))
+    first = 0
+    for aggregate in pair:
+        if aggregate.springs is not None:
+            low, high = aggregate.bonds.T
+            springs[first + high, first + low] = aggregate.springs
+        first += aggregate.size
+    return springs
 
 
 def classify(members: tuple[NDArray[np.intp], ...], size_i: int, contact: bool) -> str:

@@ -243,4 +243,6 @@ def surviving(
 def unless_same(product: Aggregate, parent: Aggregate) -> Aggregate:
     """The parent itself where the product does not differ from it in any bit, as a free primary particle never does."""
     same = np.array_equal(product.positions, parent.positions) and np.array_equal(product.bonds, parent.bonds)
+    if product.springs is not None and len(product.springs):
+        same = same and parent.springs is not None and np.array_equal(product.springs, parent.springs)
     return parent if same else product

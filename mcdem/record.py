@@ -160,6 +160,15 @@ BONDS = {
         "i4", "1", "primary particles in contact, numbered within their aggregate", (("end", 2),)
     ),
 }
+SPRINGS = {
+    "spring": Variable(
+        "f8",
+        "1",
+        "history of the contact: springs across, [0:3] and [3:6], and twist; lengths in radii of a primary, angles in radians",
+        (("spring_component", 7),),
+    ),
+}
+"""Of contacts that resist sliding, rolling or twisting."""
 KEPT = {
     "event": Variable("i8", "1", "row of /events"),
     "reason": Variable("S120", "1", "why the encounter is unresolved; empty if it is not"),
@@ -200,12 +209,13 @@ class Table:
 
 
 class Geometries:
-    """Aggregates one after the other, each with its primaries and bonds."""
+    """Aggregates one after the other, each with its primaries and bonds; `resisting`: and the history of these."""
 
-    def __init__(self) -> None:
+    def __init__(self, resisting: bool) -> None:
+        self.resisting = resisting
         self.aggregates = Table(AGGREGATES)
         self.primaries = Table(PRIMARIES)
-        self.bonds = Table(BONDS)
+        self.bonds = Table(BONDS | SPRINGS if resisting else BONDS)
 
     def extend(self, aggregates: Sequence[Aggregate], serials: Sequence[int], outer_radii: ArrayLike) -> None:
         positions = np.concatenate([aggregate.positions for aggregate in aggregates])
@@ -218,18 +228,28 @@ class Geometries:
             outer_radius=outer_radii,
         )
         self.primaries.extend(len(positions), position=positions)
-        self.bonds.extend(len(bonds), bond=bonds)
+        springs = {}
+        if self.resisting:
+            springs["spring"] = np.concatenate([histories(aggregate) for aggregate in aggregates])
+        self.bonds.extend(len(bonds), bond=bonds, **springs)
 
     def since(self, row: int) -> list[Aggregate]:
         """The aggregates from the given row to the last."""
         sizes, bonds = self.aggregates["size"][row:], self.aggregates["number_of_bonds"][row:]
         positions = self.primaries["position"][self.primaries.rows - sizes.sum() :]
-        pairs = self.bonds["bond"][self.bonds.rows - bonds.sum() :]
+        ends = np.cumsum(bonds)[:-1]
+        pairs = np.split(self.bonds["bond"][self.bonds.rows - bonds.sum() :], ends)
+        springs: Sequence[NDArray[np.float64] | None] = [None] * len(sizes)
+        if self.resisting:
+            springs = [
+                s.copy() for s in np.split(self.bonds["spring"][self.bonds.rows - bonds.sum() :], ends)
+            ]
         return [
-            Aggregate(p.copy(), b.copy())
-            for p, b in zip(
+            Aggregate(p.copy(), b.copy(), s)
+            for p, b, s in zip(
                 np.split(positions, np.cumsum(sizes)[:-1]),
-                np.split(pairs, np.cumsum(bonds)[:-1]),
+                pairs,
+                springs,
                 strict=True,
             )
         ]
@@ -245,12 +265,17 @@ class Geometries:
         return {"aggregate": self.aggregates, "primary": self.primaries, "contact": self.bonds}
 
 
+def histories(aggregate: Aggregate) -> NDArray[np.float64]:
+    """(B, 7) history of the contacts of an aggregate, zero where it has none."""
+    return np.zeros((len(aggregate.bonds), 7)) if aggregate.springs is None else aggregate.springs
+
+
 class Snapshots:
     """Populations at chosen times."""
 
-    def __init__(self) -> None:
+    def __init__(self, resisting: bool) -> None:
         self.times = Table(SNAPSHOTS)
-        self.geometries = Geometries()
+        self.geometries = Geometries(resisting)
 
     def append(self, time: float, population: Population) -> None:
         self.times.append(time=time, volume=population.volume, number_of_aggregates=population.number)
@@ -289,9 +314,13 @@ class Record:
     series: Table = field(default_factory=lambda: Table(SERIES))
     events: Table = field(default_factory=lambda: Table(EVENTS))
     products: Table = field(default_factory=lambda: Table(PRODUCTS))
-    snapshots: Snapshots = field(default_factory=Snapshots)
+    snapshots: Snapshots = field(init=False)
     kept: Table = field(default_factory=lambda: Table(KEPT))
-    kept_parents: Geometries = field(default_factory=Geometries)
+    kept_parents: Geometries = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.snapshots = Snapshots(self.scene.effects.resisting)
+        self.kept_parents = Geometries(self.scene.effects.resisting)
 
     def sample(self, time: float, population: Population) -> None:
         """Append to the series."""

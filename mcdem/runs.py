@@ -151,13 +151,23 @@ class Run:
         )
 
     def aggregates(self, snapshot: int = -1) -> list[Aggregate]:
-        """Every aggregate of a snapshot."""
+        """Every aggregate of a snapshot, with the history of its contacts where these have one."""
         positions, sizes, bonds, counts = self._ragged(snapshot)
         ends, links = np.cumsum(sizes), np.cumsum(counts)
+        springs: Sequence[NDArray | None] = [None] * len(sizes)
+        if "spring" in self._snapshots:
+            before = int(self._snapshots["number_of_bonds"].values[: self._first(snapshot)].sum())
+            histories = self._snapshots["spring"].values[before : before + counts.sum()]
+            springs = np.split(histories, links[:-1])
         return [
-            Aggregate(positions[end - size : end], bonds[link - count : link].astype(np.int32))
-            for end, size, link, count in zip(ends, sizes, links, counts, strict=True)
+            Aggregate(positions[end - size : end], bonds[link - count : link].astype(np.int32), spring)
+            for end, size, link, count, spring in zip(ends, sizes, links, counts, springs, strict=True)
         ]
+
+    def _first(self, snapshot: int) -> int:
+        """First row of the aggregates of a snapshot."""
+        numbers = self._snapshots["number_of_aggregates"].values
+        return int(numbers[: snapshot % len(numbers)].sum())
 
     @cached_property
     def late_snapshots(self) -> list[int]:

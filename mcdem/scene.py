@@ -208,6 +208,15 @@ class Scene(Table):
     population: Population = Field(default_factory=Population)
     run: Run = Field(default_factory=Run)
 
+    @model_validator(mode="after")
+    def _paper_scheme_has_no_resistances(self) -> Self:
+        if self.effects.resisting and self.numerics.scheme == "paper":
+            raise ValueError(
+                'numerics.scheme = "paper" follows no torques of contacts: use "implicit", or remove sliding, rolling, '
+                "twisting and rods from [effects]"
+            )
+        return self
+
     _text: str = PrivateAttr("")
     _path: Path | None = PrivateAttr(None)
 

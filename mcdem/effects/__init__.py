@@ -64,6 +64,7 @@ __all__ = [
     "contact_equilibrium",
     "contact_force",
     "contact_gap",
+    "contact_limits",
     "contact_pull_off_force",
     "contact_pull_off_gap",
     "contact_resistance",
@@ -89,6 +90,11 @@ class Effects(Table):
     def contact(self) -> JKR | DMT | None:
         """The law of a contact."""
         return self.jkr or self.dmt
+
+    @property
+    def resisting(self) -> bool:
+        """Whether contacts resist sliding, rolling or twisting, so that they have a history."""
+        return bool(self.sliding or self.rolling or self.twisting or self.rods)
 
     @model_validator(mode="after")
     def _effects_go_together(self) -> Self:
@@ -205,6 +211,25 @@ def contact_equilibrium(radius, jkr, dmt):
 
 
 @njit(cache=True)
+def contact_limits(radius, sliding, rolling, twisting, rods, limits):
+    """Largest lengths of the three springs of a contact, [0:3], [3:6] and [6], into `limits` (3, 2).
+
+    Each as (that without load, its growth per unit of compression); inf where nothing limits a spring or none is kept.
+    """
+    limits[:, 0] = np.inf
+    limits[:, 1] = 0.0
+    if sliding is not None:
+        limits[0, 0], limits[0, 1] = sliding_law.limit(radius, sliding)
+    if rolling is not None:
+        limits[1, 0], limits[1, 1] = rolling_law.limit(radius, rolling)
+    if twisting is not None:
+        limits[2, 0], limits[2, 1] = twisting_law.limit(radius, twisting)
+    if rods is not None:
+        limits[0, 0], limits[0, 1] = rods_law.limit(radius, rods)
+        limits[1, 0], limits[1, 1] = rods_law.limit(radius, rods)
+
+
+@njit(cache=True)
 def contact_resistance(
     carried,
     q,
@@ -239,5 +264,5 @@ def contact_resistance(
     if twisting is not None:
         code |= twisting_law.resist(carried, q, radius, normal_force, twisting, spring, loads, tangent)
     if rods is not None:
-        code |= rods_law.resist(carried, q, normal, distance, rods, spring, loads, tangent)
+        code |= rods_law.resist(carried, q, normal, distance, radius, rods, spring, loads, tangent)
     return code

@@ -57,18 +57,24 @@ class RodsKernel(NamedTuple):
 
 
 @njit(cache=True)
-def resist(carried, q, normal, distance, p, spring, loads, tangent):
+def limit(radius, p):
+    """Largest displacement of a tip: (that without load, its growth per unit of compression)."""
+    return p.largest_displacement, 0.0
+
+
+@njit(cache=True)
+def resist(carried, q, normal, distance, radius, p, spring, loads, tangent):
     """Add the loads and the stiffness of both rods; returns ROLLS if one of them slips, else STUCK."""
-    limit = np.empty(3)
+    along = np.empty(3)
     code = STUCK
     for first in (0, 3):
         for k in range(first, first + 3):
             spring[k] = carried[k] + distance * q[k]
-        share = cut_back(spring, first, p.largest_displacement)
+        share = cut_back(spring, first, limit(radius, p)[0])
         for k in range(first, first + 3):
             loads[k] -= p.stiffness * distance * spring[k]
-        direction(spring, first, share, limit)
-        add_stiffness(tangent, first, first, p.stiffness * distance * distance * share, normal, limit)
+        direction(spring, first, share, along)
+        add_stiffness(tangent, first, first, p.stiffness * distance * distance * share, normal, along)
         if share < 1.0:
             code = ROLLS
     return code

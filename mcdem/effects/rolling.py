@@ -49,19 +49,25 @@ class RollingKernel(NamedTuple):
 
 
 @njit(cache=True)
+def limit(radius, p):
+    """Largest angle: (that without load, its growth per unit of compression)."""
+    return p.largest_angle / radius, 0.0
+
+
+@njit(cache=True)
 def resist(carried, q, normal, radius, p, spring, loads, tangent):
     """Add the loads and the stiffness of rolling; returns ROLLS or STUCK."""
     stiffness = p.stiffness * radius * radius
     for k in range(3):
         spring[3 + k] = carried[3 + k] + q[3 + k] - q[k]
-    share = cut_back(spring, 3, p.largest_angle / radius)
+    share = cut_back(spring, 3, limit(radius, p)[0])
     for k in range(3):
         loads[k] += stiffness * spring[3 + k]
         loads[3 + k] -= stiffness * spring[3 + k]
-    limit = np.empty(3)
-    direction(spring, 3, share, limit)
-    add_stiffness(tangent, 0, 0, stiffness * share, normal, limit)
-    add_stiffness(tangent, 0, 3, -stiffness * share, normal, limit)
-    add_stiffness(tangent, 3, 0, -stiffness * share, normal, limit)
-    add_stiffness(tangent, 3, 3, stiffness * share, normal, limit)
+    along = np.empty(3)
+    direction(spring, 3, share, along)
+    add_stiffness(tangent, 0, 0, stiffness * share, normal, along)
+    add_stiffness(tangent, 0, 3, -stiffness * share, normal, along)
+    add_stiffness(tangent, 3, 0, -stiffness * share, normal, along)
+    add_stiffness(tangent, 3, 3, stiffness * share, normal, along)
     return ROLLS if share < 1.0 else STUCK

@@ -65,29 +65,38 @@ class SlidingKernel(NamedTuple):
 
 
 @njit(cache=True)
+def limit(radius, p):
+    """Largest displacement: (that without load, its growth per unit of compression)."""
+    stiffness = p.stiffness * (radius ** (2.0 / 3.0) if radius != 1.0 else 1.0)
+    if stiffness == 0.0:
+        return inf, 0.0
+    return p.friction_coefficient * p.cohesion * radius / stiffness, p.friction_coefficient / stiffness
+
+
+@njit(cache=True)
 def resist(carried, q, normal, distance, share_1, radius, normal_force, p, spring, loads, tangent):
     """Add the loads and the stiffness of sliding; F_n > 0 is compression; returns SLIDES or STUCK."""
     stiffness = p.stiffness * (radius ** (2.0 / 3.0) if radius != 1.0 else 1.0)
-    largest = p.friction_coefficient * max(normal_force + p.cohesion * radius, 0.0)
+    unloaded, growth = limit(radius, p)
     share_2 = 1.0 - share_1
     for k in range(3):
         a, b = (k + 1) % 3, (k + 2) % 3
         turn_a = share_1 * q[a] + share_2 * q[3 + a]
         turn_b = share_1 * q[b] + share_2 * q[3 + b]
         spring[k] = carried[k] + distance * (normal[a] * turn_b - normal[b] * turn_a)
-    share = cut_back(spring, 0, largest / stiffness if stiffness > 0.0 else inf)
+    share = cut_back(spring, 0, max(unloaded + growth * normal_force, 0.0))
     # Its load on the mean turn is r F x n; the limit's direction turns with it.
-    along, limit = np.empty(3), np.empty(3)
+    along, across = np.empty(3), np.empty(3)
     direction(spring, 0, share, along)
     for k in range(3):
         a, b = (k + 1) % 3, (k + 2) % 3
         load = -stiffness * distance * (spring[a] * normal[b] - spring[b] * normal[a])
         loads[k] += share_1 * load
         loads[3 + k] += share_2 * load
-        limit[k] = along[a] * normal[b] - along[b] * normal[a]
+        across[k] = along[a] * normal[b] - along[b] * normal[a]
     scale = stiffness * share * distance * distance
-    add_stiffness(tangent, 0, 0, scale * share_1 * share_1, normal, limit)
-    add_stiffness(tangent, 0, 3, scale * share_1 * share_2, normal, limit)
-    add_stiffness(tangent, 3, 0, scale * share_1 * share_2, normal, limit)
-    add_stiffness(tangent, 3, 3, scale * share_2 * share_2, normal, limit)
+    add_stiffness(tangent, 0, 0, scale * share_1 * share_1, normal, across)
+    add_stiffness(tangent, 0, 3, scale * share_1 * share_2, normal, across)
+    add_stiffness(tangent, 3, 0, scale * share_1 * share_2, normal, across)
+    add_stiffness(tangent, 3, 3, scale * share_2 * share_2, normal, across)
     return SLIDES if share < 1.0 else STUCK

@@ -61,12 +61,22 @@ class TwistingKernel(NamedTuple):
 
 
 @njit(cache=True)
+def limit(radius, p):
+    """Largest angle: (that without load, its growth per unit of compression)."""
+    stiffness = p.stiffness * radius * radius
+    if stiffness == 0.0:
+        return inf, 0.0
+    lever = p.lever * (radius ** (2.0 / 3.0) if radius != 1.0 else 1.0)
+    growth = lever * p.friction_coefficient / stiffness
+    return growth * p.cohesion * radius, growth
+
+
+@njit(cache=True)
 def resist(carried, q, radius, normal_force, p, spring, loads, tangent):
     """Add the load and the stiffness of twisting; F_n > 0 is compression; returns TWISTS or STUCK."""
     stiffness = p.stiffness * radius * radius
-    lever = p.lever * (radius ** (2.0 / 3.0) if radius != 1.0 else 1.0)
-    limit = lever * p.friction_coefficient * max(normal_force + p.cohesion * radius, 0.0)
-    largest = limit / stiffness if stiffness > 0.0 else inf
+    unloaded, growth = limit(radius, p)
+    largest = max(unloaded + growth * normal_force, 0.0)
     trial = carried[6] + q[6]
     spring[6] = min(max(trial, -largest), largest)
     loads[6] -= stiffness * spring[6]

@@ -51,7 +51,7 @@ def squared_radius(body):
 
 @njit(cache=True)
 def exerted(body, matrix, strain, stresslet):
-    """Stresslet (3, 3), in the laboratory, of a body turned by matrix in a strain (3, 3); returns its present load."""
+    """Stresslet (3, 3), in the laboratory, of a body turned by matrix in a strain (3, 3); returns its present loads."""
     seen, five = np.empty(5), np.zeros(5)
     turn_back(matrix, strain, seen)
     for k in range(5):
@@ -102,11 +102,11 @@ def body_rates(body, matrix, centre, gradient, disturbance, carried, velocity, s
 
 @njit(cache=True)
 def pair_rates(first, second, turns, centres, gradient, strain, velocities, spins):
-    """Rates of both bodies with one reflection of their stresslets; returns the larger present load."""
+    """Rates of both bodies with one reflection of their stresslets; returns the larger present loads (`present_load`)."""
     stresslets = np.empty((2, 3, 3))
-    load = max(
-        exerted(first, turns[0], strain, stresslets[0]), exerted(second, turns[1], strain, stresslets[1])
-    )
+    exerted(first, turns[0], strain, stresslets[0])
+    exerted(second, turns[1], strain, stresslets[1])
+    load = tension = 0.0
     disturbance, carried = np.zeros((2, 3, 3)), np.zeros((2, 3))
     separation = np.empty(3)
     a2, b2 = squared_radius(first), squared_radius(second)
@@ -126,17 +126,18 @@ def pair_rates(first, second, turns, centres, gradient, strain, velocities, spin
                 for q in range(3):
                     local[p, q] = strain[p, q] + 0.5 * (disturbance[which, p, q] + disturbance[which, q, p])
             if which == 0:
-                load = exerted(first, turns[0], local, stresslets[0])
+                load, tension = exerted(first, turns[0], local, stresslets[0])
             else:
-                load = max(load, exerted(second, turns[1], local, stresslets[1]))
+                other, pull = exerted(second, turns[1], local, stresslets[1])
+                load, tension = max(load, other), max(tension, pull)
     body_rates(first, turns[0], centres[0], gradient, disturbance[0], carried[0], velocities[0], spins[0])
     body_rates(second, turns[1], centres[1], gradient, disturbance[1], carried[1], velocities[1], spins[1])
-    return load
+    return load, tension
 
 
 @njit(cache=True)
 def approach(first, second, turns, centres, gradient, strain, near, duration, step, limit):
-    """Bring two rigid bodies together until their centres are `near` apart; returns (time passed, largest load).
+    """Bring two rigid bodies together until their centres are `near` apart; returns (time passed, largest tension over strength).
 
     turns (2, 3, 3) and centres (2, 3) are carried along by the midpoint rule, second order.  It stops early when a
     contact would bear more than `limit` of its strength, when they recede, or when `duration` has passed.
@@ -146,10 +147,10 @@ def approach(first, second, turns, centres, gradient, strain, near, duration, st
     turn, after = np.empty((3, 3)), np.empty((3, 3))
     elapsed, largest = 0.0, 0.0
     while elapsed < duration - 1e-12:
-        load = pair_rates(first, second, turns, centres, gradient, strain, velocities, spins)
+        load, tension = pair_rates(first, second, turns, centres, gradient, strain, velocities, spins)
         if load > limit:
             break
-        largest = max(largest, load)
+        largest = max(largest, tension)
         distance = closing = 0.0
         for k in range(3):
             d = centres[1, k] - centres[0, k]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
-from mcdem.effects import non_contact_force
+from mcdem.effects import contact_equilibrium, contact_force, non_contact_force
 from mcdem.stepping.state import harmonic_radius
 
 # Gap h/a beyond which direct forces between spheres not in contact are left out: there the unretarded
@@ -29,3 +30,37 @@ def add_non_contact_forces(forces, directions, gaps, bonded, radii, van_der_waal
                 radius = harmonic_radius(radii[i], radii[j])
                 value, _ = non_contact_force(gaps[i, j], radius, van_der_waals, double_layer, short_range)
                 add_pair_force(forces, i, j, directions[i, j], value)
+
+
+@njit(cache=True)
+def contact_tangent(positions, end, radii, gaps, i, j, first, fallback, jkr, dmt, normal):
+    """The force of a contact at the end of a step and how Newton's method takes it; fills its direction `normal` (3,).
+
+    first : by its tangent at the old gap;  fallback : as a linear spring about equilibrium
+    Returns (force, slope, turning, stiffness): minus dF/dh, floored; tension over length; stiffness without load.
+    """
+    old = new = 0.0
+    for k in range(3):
+        d0 = positions[i, k] - positions[j, k]
+        d1 = end[i, k] - end[j, k]
+        old += d0 * d0
+        new += d1 * d1
+        normal[k] = d0 + d1
+    old, new = np.sqrt(old), np.sqrt(new)
+    for k in range(3):
+        normal[k] /= old + new
+    radius = harmonic_radius(radii[i], radii[j])
+    gap = new - radii[i] - radii[j]
+    rest, stiffness = contact_equilibrium(radius, jkr, dmt)
+    if fallback:
+        force, slope = -stiffness * (gap - rest), stiffness
+    elif first:
+        force, tangent = contact_force(gaps[i, j], radius, jkr, dmt)
+        slope = max(-tangent, 0.1 * stiffness)
+        force -= slope * (gap - gaps[i, j])
+    else:
+        force, tangent = contact_force(gap, radius, jkr, dmt)
+        slope = max(-tangent, 0.02 * stiffness)
+    # Tension resists the turning of its line, and without that the iteration overshoots it once a contact
+    # pulls harder than the fluid holds.  Compression would make the matrix indefinite: it is left out.
+    return force, slope, max(-force, 0.0) / (old + new), stiffness

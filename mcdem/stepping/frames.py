@@ -56,7 +56,7 @@ def keep(
     if body is not None and turn is not None and strain is not None:
         seen = np.empty(5)
         turn_back(turn, strain, seen)
-        tension = body.rest + body.response @ seen
+        tension = (body.rest + body.response @ seen)[: body.contacts]
     else:
         distances = np.linalg.norm(part.positions[first] - part.positions[second], axis=1)
         tension = np.array(

@@ -14,6 +14,9 @@ iterations.  What makes it work at a fifth of the shear time:
   that turns does no work.
 Steps are bound by the relative change of the gaps of approaching pairs, never by stiffness.  Contacts made or
 lost within a step are events: the step is cut until their time is known to `event_step`.
+
+Contacts that resist sliding, rolling or twisting exert torques: then the turns of the spheres are unknowns too, and
+`moments` takes the place of the two functions here that know of 3N (`drive_spheres`, `solve_step`).
 """
 
 from __future__ import annotations
@@ -23,11 +26,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mcdem.effects import contact_equilibrium, contact_force, contact_gap, contact_pull_off_gap
+from mcdem.effects import contact_force, contact_gap, contact_pull_off_gap
 from mcdem.hydrodynamics import lagged, stokesian
 from mcdem.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
+from mcdem.stepping import moments
 from mcdem.stepping.bodies import extrapolate, label_bodies
-from mcdem.stepping.contacts import add_non_contact_forces
+from mcdem.stepping.contacts import add_non_contact_forces, contact_tangent
 from mcdem.stepping.state import (
     DONE,
     NOT_CONVERGED,
@@ -85,10 +89,11 @@ class Scratch(NamedTuple):
     slopes: np.ndarray  # (B,) stiffness of the contacts now, and ...
     factor_slopes: np.ndarray  # (B,) ... in the Jacobian that is factorised
     turnings: np.ndarray  # (B,) tension over length of the contacts, their resistance to turning
+    moments: moments.Moments | None  # where contacts exert torques
 
 
-def scratch(n: int) -> Scratch:
-    """Work arrays for n primaries."""
+def scratch(n: int, resisting: bool = False) -> Scratch:
+    """Work arrays for n primaries; `resisting`: whose contacts resist sliding, rolling or twisting."""
     return Scratch(
         stokesian.workspace(n),
         lagged.new_lagged(n),
@@ -108,6 +113,7 @@ def scratch(n: int) -> Scratch:
         np.empty(n * (n - 1) // 2),
         np.empty(n * (n - 1) // 2),
         np.empty(n * (n - 1) // 2),
+        moments.new_moments(n) if resisting else None,
     )
 
 
@@ -202,8 +208,7 @@ def middle_geometry(motion, history, labels, bodies, gaps, step, options, work):
 
 @njit(cache=True, inline="always")
 def drive_at_middle(motion, flow, physics, labels, bodies, lag, work):
-    """Resistance A of torque-free spheres and everything that drives them but contacts; 0 or an error code."""
-    n = motion.radii.shape[0]
+    """Resistance of the spheres and everything that drives them but contacts; 0 or an error code."""
     hydro = work.hydrodynamics
     code = lagged.far_field(
         work.kept,
@@ -220,9 +225,6 @@ def drive_at_middle(motion, flow, physics, labels, bodies, lag, work):
     if code != 0:
         return NOT_POSITIVE_DEFINITE
     add_two_body(hydro, motion.radii, flow.strain, physics.cutoff, physics.shifted, physics.table)
-    if stokesian.eliminate_torques(hydro.resistance) != 0:
-        return NOT_POSITIVE_DEFINITE
-    stokesian.reduce_drive(hydro.resistance, hydro.drive)
     work.forces[:] = 0.0
     add_non_contact_forces(
         work.forces,
@@ -234,6 +236,25 @@ def drive_at_middle(motion, flow, physics, labels, bodies, lag, work):
         physics.double_layer,
         physics.short_range,
     )
+    return drive_spheres(flow, work, work.moments)
+
+
+@njit(cache=True)
+def drive_spheres(flow, work, torques):
+    """What drives the spheres, by what they can do: turn freely, or turn against the torques of their contacts."""
+    if torques is None:
+        return drive_torque_free(flow, work)
+    return moments.drive(flow, work, torques)
+
+
+@njit(cache=True)
+def drive_torque_free(flow, work):
+    """Reduce the resistance to A of torque-free spheres; what drives them into work.driving; 0 or an error code."""
+    hydro = work.hydrodynamics
+    n = work.middle.shape[0]
+    if stokesian.eliminate_torques(hydro.resistance) != 0:
+        return NOT_POSITIVE_DEFINITE
+    stokesian.reduce_drive(hydro.resistance, hydro.drive)
     m = 3 * n
     matrix = hydro.resistance[m:, m:]
     for i in range(n):
@@ -279,6 +300,51 @@ def add_stiffness(matrix, step, contacts, work):
 
 
 @njit(cache=True)
+def solve_step(motion, contacts, gaps, step, physics, work, springs):
+    """Newton for the positions at the end of the step, from the guess in work.end; 0 or NOT_CONVERGED."""
+    if springs is None:
+        return solve_contacts(
+            motion.positions, motion.radii, contacts, gaps, step, physics.jkr, physics.dmt, work
+        )
+    return moments.solve(
+        motion.positions,
+        motion.radii,
+        contacts,
+        gaps,
+        step,
+        springs,
+        physics.jkr,
+        physics.dmt,
+        physics.sliding,
+        physics.rolling,
+        physics.twisting,
+        physics.rods,
+        work,
+        work.moments,
+    )
+
+
+@njit(cache=True)
+def keep_springs(motion, contacts, physics, work, springs):
+    """The histories of contacts at the end of an accepted step."""
+    if springs is not None:
+        moments.keep_springs(
+            motion.positions,
+            motion.radii,
+            contacts,
+            springs,
+            physics.jkr,
+            physics.dmt,
+            physics.sliding,
+            physics.rolling,
+            physics.twisting,
+            physics.rods,
+            work,
+            work.moments,
+        )
+
+
+@njit(cache=True)
 def solve_contacts(positions, radii, contacts, gaps, step, jkr, dmt, work):
     """Newton for the positions at the end of the step, from the guess in work.end; 0 or NOT_CONVERGED.
 
@@ -305,32 +371,10 @@ def solve_contacts(positions, radii, contacts, gaps, step, jkr, dmt, work):
             residual[row] = work.driving[row] - residual[row]
         for b in range(contacts):
             i, j = work.pairs[b, 0], work.pairs[b, 1]
-            old = new = 0.0
-            for k in range(3):
-                d0 = positions[i, k] - positions[j, k]
-                d1 = work.end[i, k] - work.end[j, k]
-                old += d0 * d0
-                new += d1 * d1
-                work.normals[b, k] = d0 + d1
-            old, new = np.sqrt(old), np.sqrt(new)
-            for k in range(3):
-                work.normals[b, k] /= old + new
-            radius = harmonic_radius(radii[i], radii[j])
-            gap = new - radii[i] - radii[j]
-            rest, stiffness = contact_equilibrium(radius, jkr, dmt)
-            if fallback:
-                force, slope = -stiffness * (gap - rest), stiffness
-            elif iteration == 0:
-                force, tangent = contact_force(gaps[i, j], radius, jkr, dmt)
-                slope = max(-tangent, 0.1 * stiffness)
-                force -= slope * (gap - gaps[i, j])
-            else:
-                force, tangent = contact_force(gap, radius, jkr, dmt)
-                slope = max(-tangent, 0.02 * stiffness)
-            work.slopes[b] = slope
-            # Tension resists the turning of its line, and without that the iteration overshoots it once a contact
-            # pulls harder than the fluid holds.  Compression would make the matrix indefinite: it is left out.
-            work.turnings[b] = max(-force, 0.0) / (old + new)
+            force, slope, turning, stiffness = contact_tangent(
+                positions, work.end, radii, gaps, i, j, iteration == 0, fallback, jkr, dmt, work.normals[b]
+            )
+            work.slopes[b], work.turnings[b] = slope, turning
             if keep and abs(slope - work.factor_slopes[b]) > 0.1 * stiffness:
                 keep = False
             for k in range(3):
@@ -440,7 +484,7 @@ def attempt(motion, history, flow, physics, options, log, gaps, work, bodies, st
             return code
         contacts = list_contacts(motion.bonded, work.pairs)
         extrapolate(motion.positions, history, work.labels, bodies, step, work.end)
-        if solve_contacts(motion.positions, radii, contacts, gaps, step, jkr, dmt, work) != 0:
+        if solve_step(motion, contacts, gaps, step, physics, work, motion.springs) != 0:
             step *= 0.5
             continue
         find_gaps(work.end, radii, work.end_gaps)
@@ -467,7 +511,7 @@ def attempt(motion, history, flow, physics, options, log, gaps, work, bodies, st
         kept = contacts
         while lost >= 0:
             kept = put_last(work.pairs, lost, kept)
-            if solve_contacts(motion.positions, radii, kept, gaps, step, jkr, dmt, work) != 0:
+            if solve_step(motion, kept, gaps, step, physics, work, motion.springs) != 0:
                 break
             find_gaps(work.end, radii, work.end_gaps)
             lost, _ = worst_overstretch(kept, radii, jkr, dmt, work)
@@ -483,6 +527,7 @@ def attempt(motion, history, flow, physics, options, log, gaps, work, bodies, st
         i, j = work.pairs[b, 0], work.pairs[b, 1]
         force, _ = contact_force(work.end_gaps[i, j], harmonic_radius(radii[i], radii[j]), jkr, dmt)
         note_tension(motion, log, i, j, -force, now)
+    keep_springs(motion, kept, physics, work, motion.springs)
     work.middle[:] = motion.positions
     for i in range(n):
         for k in range(3):

@@ -30,6 +30,7 @@ from mcdem.stepping.implicit import ImplicitOptions, find_gaps, scratch
 from mcdem.stepping.march import march, new_watch
 from mcdem.stepping.paper_euler import PaperOptions
 from mcdem.stepping.rigid import RIGID, RigidBody, analyse, tumble, worst_load
+from mcdem.stepping.rigid_moments import analyse_with_moments
 from mcdem.stepping.state import DONE, PARTED, PAUSED, SETTLED, Flow, Log, Motion, Physics, new_history
 
 RIGID_STEP = 0.1
@@ -119,6 +120,7 @@ def take(motion: Motion, members: NDArray[np.intp]) -> Motion:
         motion.born[within],
         motion.radii[members],
         motion.parent[members],
+        None if motion.springs is None else motion.springs[within],
     )
 
 
@@ -127,13 +129,15 @@ def put_back(part: Motion, members: NDArray[np.intp], motion: Motion) -> None:
     within = np.ix_(members, members)
     motion.positions[members], motion.velocities[members] = part.positions, part.velocities
     motion.bonded[within], motion.born[within] = part.bonded, part.born
+    if motion.springs is not None:
+        motion.springs[within] = part.springs
 
 
 def follow(part: Motion, members: NDArray[np.intp], course: Course) -> int:
     """Follow some primaries to the end of the course; DONE, PARTED, or an error code."""
     log, shortcuts = course.log, course.shortcuts
     n = len(part.radii)
-    work, history, gaps = scratch(n), new_history(part), np.empty((n, n))
+    work, history, gaps = scratch(n, part.springs is not None), new_history(part), np.empty((n, n))
     find_gaps(part.positions, part.radii, gaps)
     # An aggregate as it was found has had all the time to settle.
     rested = n > 1 and log.steps[0] == 0
@@ -183,6 +187,19 @@ def follow(part: Motion, members: NDArray[np.intp], course: Course) -> int:
 def analysed(part: Motion, physics: Physics) -> tuple[RigidBody | None, NDArray[np.float64]]:
     """The rigid body (None if it is not one) of a part that is connected, and its centre (3,)."""
     centre = part.positions.mean(axis=0)
+    if part.springs is not None:
+        code, body = analyse_with_moments(
+            stokesian.workspace(len(part.radii)),
+            part.positions - centre,
+            part.bonded,
+            part.springs,
+            part.radii,
+            physics,
+            physics.coupled,
+            physics.stresslets,
+            physics.table,
+        )
+        return (body if code == RIGID else None), centre
     if len(part.radii) > 1 and np.count_nonzero(part.bonded) // 2 < max(3 * len(part.radii) - 6, 1):
         return None, centre
     code, body = analyse(
@@ -204,8 +221,14 @@ def analysed(part: Motion, physics: Physics) -> tuple[RigidBody | None, NDArray[
     return (body if code == RIGID else None), centre
 
 
-def place(part: Motion, body: RigidBody, turn, centre, gradient) -> None:
-    """Put the primaries of a rigid body where it is; velocities are those of the flow, for a start."""
+def place(part: Motion, body: RigidBody, turn, centre, gradient, springs) -> None:
+    """Put the primaries of a rigid body where it is, and its `springs`, as analysed, with them.
+
+    Velocities are those of the flow, for a start.
+    """
+    if springs is not None:
+        assert part.springs is not None
+        part.springs[..., :3], part.springs[..., 3:6] = springs[..., :3] @ turn.T, springs[..., 3:6] @ turn.T
     about = body.positions @ turn.T
     part.positions[:] = centre + about
     spin = 0.5 * np.array(
@@ -217,6 +240,7 @@ def place(part: Motion, body: RigidBody, turn, centre, gradient) -> None:
 def roll_on(part: Motion, members, body: RigidBody, centre, course: Course, limit: float) -> bool:
     """Turn a rigid part until the end or until its load exceeds `limit`; whether it reached the end."""
     flow, turn = course.flow, np.eye(3)
+    springs = None if part.springs is None else part.springs.copy()
     stopped = False
     while not stopped and course.now < course.end - 1e-12:
         duration = min(course.end, course.next_frame) - course.now
@@ -225,15 +249,16 @@ def roll_on(part: Motion, members, body: RigidBody, centre, course: Course, limi
         )
         course.skip(elapsed)
         note_load(course.log, body, load)
-        place(part, body, turn, centre, flow.gradient)
+        place(part, body, turn, centre, flow.gradient, springs)
         recording.keep(course.frames, part, members, course.physics, course.now, body, turn, flow.strain)
     return not stopped
 
 
 def note_load(log: Log, body: RigidBody, load: float) -> None:
     """Log the largest tension of a body whose largest ratio of tension to pull-off force was `load`."""
-    if len(body.strength):
-        log.largest_tension[0] = max(log.largest_tension[0], load * body.strength.max())
+    if body.contacts:
+        strongest = body.strength[: body.contacts].max()
+        log.largest_tension[0] = max(log.largest_tension[0], load * strongest)
 
 
 def come_near(motion: Motion, course: Course) -> None:
@@ -249,6 +274,7 @@ def come_near(motion: Motion, course: Course) -> None:
         reach += centre_and_reach(
             part.positions, part.radii, np.zeros(len(part.radii), np.int64), 0, np.empty(3)
         )
+    springs = [None if part.springs is None else part.springs.copy() for part in parts]
     turns = np.stack([np.eye(3), np.eye(3)])
     flow, shortcuts = course.flow, course.shortcuts
     going = True
@@ -270,8 +296,8 @@ def come_near(motion: Motion, course: Course) -> None:
         )
         course.skip(elapsed)
         going = course.frames is not None and elapsed >= duration - 1e-9 and course.now < course.end - 1e-9
-        for part, body, turn, centre in zip(parts, bodies, turns, centres, strict=True):
+        for part, body, turn, centre, kept in zip(parts, bodies, turns, centres, springs, strict=True):
             note_load(course.log, body, load)
-            place(part, body, turn, centre, flow.gradient)
+            place(part, body, turn, centre, flow.gradient, kept)
     for part, members in zip(parts, sides, strict=True):
         put_back(part, members, motion)

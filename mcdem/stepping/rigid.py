@@ -40,6 +40,8 @@ class RigidBody(NamedTuple):
     spin: np.ndarray  # (3, 5)
     drift: np.ndarray  # (3, 5)
     stresslet: np.ndarray  # (5, 5) exerted on the fluid
+    # Tensions of the contacts first; then, where contacts resist sliding, rolling or twisting, what their springs bear.
+    contacts: int
     rest: np.ndarray  # (B,) tension without flow
     response: np.ndarray  # (B, 5)
     strength: np.ndarray  # (B,) pull-off force
@@ -81,7 +83,7 @@ def sorted_eigenvalues(c):
 
 @njit(cache=True)
 def worst_load(body, strain_five):
-    """Largest ratio, over contacts and orientations, of tension to pull-off force."""
+    """Largest ratio, over contacts and orientations, of load to strength."""
     e1, e2, e3 = sorted_eigenvalues(strain_five)
     worst = 0.0
     for b in range(body.rest.shape[0]):
@@ -98,6 +100,7 @@ def empty_body(n):
         np.zeros((3, 5)),
         np.zeros((3, 5)),
         np.zeros((5, 5)),
+        0,
         np.zeros(0),
         np.zeros((0, 5)),
         np.zeros(0),
@@ -227,11 +230,7 @@ def analyse(
     for mode in range(6):
         symmetric_product(matrix, modes[mode], pulled[mode])
     grand = np.zeros((6, 6))
-    for p in range(6):
-        for q in range(6):
-            for row in range(m):
-                grand[p, q] += modes[p, row] * pulled[q, row]
-    if cholesky(grand) != 0:
+    if not rigid_resistance(modes, pulled, grand):
         return FAILED, body
     response = np.zeros((count, 5))
     relative, load, motion = np.empty(m), np.empty(m), np.empty(6)
@@ -288,7 +287,20 @@ def analyse(
             load[row] = -load[row]
         solve_cholesky(stiffness, load)
         add_tensions(work.directions, pairs, slopes, load, response[:, k])
-    return RIGID, RigidBody(positions.copy(), body.spin, body.drift, body.stresslet, rest, response, strength)
+    return RIGID, RigidBody(
+        positions.copy(), body.spin, body.drift, body.stresslet, count, rest, response, strength
+    )
+
+
+@njit(cache=True)
+def rigid_resistance(modes, pulled, grand):
+    """Resistance (6, 6) of the rigid motions `modes`, of which the fluid makes the forces `pulled`, factorised; True if it is."""
+    for p in range(6):
+        for q in range(6):
+            grand[p, q] = 0.0
+            for row in range(modes.shape[1]):
+                grand[p, q] += modes[p, row] * pulled[q, row]
+    return cholesky(grand) == 0
 
 
 @njit(cache=True)
@@ -362,14 +374,16 @@ def turn_back(matrix, tensor, five):
 
 @njit(cache=True)
 def present_load(body, seen):
-    """Largest ratio of tension to pull-off force in the strain seen from the body, (5,)."""
-    worst = 0.0
+    """Largest ratio of load to strength in the strain seen from the body, (5,): of any kind, and of tension."""
+    worst = tension = 0.0
     for b in range(body.rest.shape[0]):
-        tension = body.rest[b]
+        load = body.rest[b]
         for k in range(5):
-            tension += body.response[b, k] * seen[k]
-        worst = max(worst, tension / body.strength[b])
-    return worst
+            load += body.response[b, k] * seen[k]
+        worst = max(worst, load / body.strength[b])
+        if b < body.contacts:
+            tension = worst
+    return worst, tension
 
 
 @njit(cache=True)
@@ -394,7 +408,7 @@ def tumble(body, matrix, centre, gradient, strain, duration, step, limit):
     """Turn a rigid body in the flow until `duration` has passed or its load exceeds `limit`.
 
     matrix (3, 3) and centre (3,) are carried along (midpoint rule on rotations, second order; the centre follows
-    with the drift).  Returns (time passed, largest load met, whether the limit stopped it).
+    with the drift).  Returns (time passed, largest tension met over pull-off force, whether the limit stopped it).
     """
     seen, rate = np.empty(5), np.empty(3)
     half, turn, middle, after = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -414,10 +428,10 @@ def tumble(body, matrix, centre, gradient, strain, duration, step, limit):
         rotation(rate * h, turn)
         multiply(turn, matrix, after)
         turn_back(after, strain, seen)
-        load = present_load(body, seen)
+        load, tension = present_load(body, seen)
         if load > limit:
             return elapsed, largest, True
-        largest = max(largest, load)
+        largest = max(largest, tension)
         matrix[:] = after
         for k in range(3):
             centre[k] += h * velocity[k]

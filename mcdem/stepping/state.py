@@ -29,6 +29,9 @@ class Motion(NamedTuple):
     born: np.ndarray  # (N, N) time at which a contact was made, -inf before the start
     radii: np.ndarray  # (N,)
     parent: np.ndarray  # (N,) 0 or 1: the aggregate a primary came with
+    # (N, N, 7) at [i, j], i > j: history of the contact of j (sphere 1) and i (sphere 2), see `effects.tangential`; None where
+    # contacts resist neither sliding, rolling nor twisting
+    springs: np.ndarray | None = None
 
 
 class History(NamedTuple):
@@ -61,6 +64,10 @@ class Physics(NamedTuple):
     short_range: object
     jkr: object
     dmt: object
+    sliding: object
+    rolling: object
+    twisting: object
+    rods: object
 
 
 class Log(NamedTuple):
@@ -99,9 +106,18 @@ def harmonic_radius(a, b):
 
 
 @njit(cache=True)
+def relax_springs(springs, i, j):
+    """A contact that is made or lost has no history."""
+    if springs is not None:
+        springs[i, j] = 0.0
+        springs[j, i] = 0.0
+
+
+@njit(cache=True)
 def note_contact_made(motion, log, i, j, time):
     """Note a contact that was just made."""
     motion.bonded[i, j] = motion.bonded[j, i] = True
+    relax_springs(motion.springs, i, j)
     motion.born[i, j] = motion.born[j, i] = time
     log.last_bond_change[0] = time
     if motion.parent[i] != motion.parent[j] and np.isnan(log.first_contact[0]):
@@ -112,6 +128,7 @@ def note_contact_made(motion, log, i, j, time):
 def note_contact_lost(motion, log, i, j, time):
     """Note a contact that was just lost."""
     motion.bonded[i, j] = motion.bonded[j, i] = False
+    relax_springs(motion.springs, i, j)
     log.last_bond_change[0] = time
     if np.isnan(log.first_bond_loss[0]):
         log.first_bond_loss[0] = time
