@@ -58,13 +58,28 @@ def test_warnings_of_a_short_run(run):
 
 def test_comparison_waits_for_the_steady_state(run):
     rows = {row.quantity: row for row in compare([run])}
-    assert all(row.unsettled and row.agrees is None for name, row in rows.items() if "η₁₁" not in name)
+    early = ("η₁₁", "at the start", "growth from", "first clusters")
+    late = [row for name, row in rows.items() if not any(words in name for words in early)]
+    assert len(late) > 20
+    assert all(row.unsettled and row.agrees is None for row in late)
     efficiency = rows["collision efficiency η₁₁ (Eq. 23)"]
     assert not efficiency.unsettled
     monomers = (run.events["parent_size"].values == 1).all(axis=1)
     assert efficiency.count == monomers.sum()
     assert efficiency.measured == (run.outcome[monomers] == "aggregation").mean()
     assert efficiency.agrees is False  # toy encounters stick far more often
+
+
+def test_growth_is_that_of_the_series(run):
+    """Slope over a stretch: rise over time between two levels, known to the Poisson scatter of its aggregations."""
+    size, time = run.series["mean_size"].values, run.time
+    begun, ended = (int(np.flatnonzero(size >= level)[0]) for level in (1.0, 1.25))
+    row = next(row for row in compare([run]) if "at the start" in row.quantity)
+    events = int((run.outcome[begun:ended] == "aggregation").sum())
+    slope = (size[ended] - size[begun]) / (time[ended] - time[begun])
+    assert (row.measured, row.count) == (pytest.approx(slope), events)
+    assert row.measured_high - row.measured == pytest.approx(2.0 * slope / np.sqrt(events))
+    np.testing.assert_allclose(float(row.printed), 4 / np.pi * 0.07384 * 1e-4 * 1e4, rtol=1e-3)
 
 
 def test_verdict_is_about_limits():

@@ -140,7 +140,7 @@ def test_what_was_measured_before_a_failure_is_kept(tmp_path, monkeypatch):
 
 def test_an_input_that_changes_is_measured_anew(tmp_path):
     file = tmp_path / "data.nc"
-    case = counting_case(tmp_path, inputs=(file,))
+    case = counting_case(tmp_path, inputs=lambda context: (file,))
     object.__setattr__(case, "name", "drag_along_the_line")
     keys = [origin.key(case, Context(), "all", None, None)]
     for content in ("one", "two"):
@@ -291,3 +291,96 @@ def test_a_check_without_verdict_is_shown_with_a_dash():
     assert report.number(math.nan) == "–"
     assert report.expectation(Check("x", 1.0, low=0.5)) == "at least 0.5"
     assert report.expectation(shown("x", 1.0)) == ""
+
+
+# What the user gives
+
+
+def test_a_run_that_is_given_takes_the_place_of_the_committed_one(tmp_path):
+    from small_runs import small_runs
+
+    from validation import datasets
+    from validation.case import Given
+    from validation.run import Outcome, parts_of
+
+    case = cases_of.load("breakup_fragments")
+    given = Given(runs=(Path(small_runs()[1]).resolve(),))
+    assert datasets.runs(case.context(True)) != datasets.runs(case.context(True, given)) == given.runs
+    keys = {part.key for way in (Given(), given) for part in parts_of(case, True, given=way)}
+    assert len(keys) == 2
+    (outcome,) = run([case], tmp_path / "kept", Here(), quick=True, given=given)
+    assert str(given.runs[0]) in outcome.command
+    # Of a run that is given no verdict is expected; that it cannot be read is a failure.
+    assert outcome.as_expected
+    assert not Outcome(case, case.context(True, given), Findings(()), problem="unreadable").as_expected
+
+
+def test_the_line_by_line_verdict_is_that_of_the_row():
+    from mcdem.comparison import Row
+    from validation.cases.paper_line_by_line import check
+
+    for measured, low, high, unsettled, verdict in (
+        (1.6, 1.5, 1.7, False, "agrees"),
+        (1.5, 1.4, 1.6, False, "differs"),
+        (1.6, 1.5, 1.7, True, "cannot say"),
+        (1.6, 0.0, 9.0, False, "cannot say"),
+    ):
+        row = Row("x", "1.68", 1.675, 1.685, measured, low, high, 50, unsettled)
+        found = check("1000 Pa", vars(row) | {"agrees": row.agrees}, ["run.nc: <P> still changes"])
+        assert found.verdict == verdict
+        assert ("still changes" in found.why) == unsettled
+
+
+# Shapes and statics that cases of breakup rest on
+
+
+@pytest.mark.parametrize("ratio", [1.0, 3.0])
+def test_packings_are_isostatic_and_of_the_shape_asked_for(ratio):
+    from mcdem.morphology import morphology
+    from mcdem.rigidity import count_modes
+    from validation.exact.packings import isostatic
+
+    x = isostatic(24, ratio, seed=1)
+    apart = np.linalg.norm(x[:, None] - x[None], axis=2)
+    bonds = np.argwhere(np.triu((apart < 2.0 + 1e-6) & (apart > 0.0)))
+    assert apart[np.triu_indices(24, 1)].min() > 2.0 - 1e-6
+    (modes,) = count_modes(x, np.array([24]), bonds, np.array([len(bonds)]))
+    assert (len(bonds), *modes) == (3 * 24 - 6, 0, 0)
+    assert float(morphology(x, bonds, 1.0).aspect_ratio) == pytest.approx(ratio, rel=0.3)
+
+
+def test_fractal_trees_have_their_dimension_and_no_loops():
+    from validation.exact.packings import FRACTAL_PREFACTOR, fractal
+
+    x, bonds = fractal(5, 1.8, seed=2)
+    apart = np.linalg.norm(x[:, None] - x[None], axis=2)
+    np.testing.assert_allclose(apart[tuple(bonds.T)], 2.0, atol=1e-9)
+    assert (apart < 2.0 + 1e-6).sum() == 32 + 2 * 31
+    gyration = np.sqrt((x**2).sum(axis=1).mean())
+    assert FRACTAL_PREFACTOR * gyration**1.8 == pytest.approx(32, rel=0.05)
+
+
+def test_statics_balance_and_the_worst_orientation_bounds_all_others():
+    from scipy.spatial.transform import Rotation
+
+    from validation.exact.alone import Held, bond_tensions, largest_tension
+    from validation.exact.packings import isostatic
+    from validation.exact.settling import scene
+
+    x = isostatic(7, 1.0, seed=0)
+    bonds = np.argwhere(np.triu(np.linalg.norm(x[:, None] - x[None], axis=2) < 2.0 + 1e-6, 1))
+    held = Held(scene(5e-3), x)
+    balance = lambda forces: bond_tensions(x, bonds, forces)
+    forces = held.forces()
+    size = np.abs(forces).max()
+    np.testing.assert_allclose(forces.sum(axis=0), 0.0, atol=1e-9 * size)
+    np.testing.assert_allclose(np.cross(x, forces).sum(axis=0), 0.0, atol=1e-8 * size)
+    tensions, direction = balance(forces), x[bonds[:, 1]] - x[bonds[:, 0]]
+    left = forces.copy()
+    np.add.at(left, bonds[:, 0], tensions[:, None] * direction / 2.0)
+    np.add.at(left, bonds[:, 1], -tensions[:, None] * direction / 2.0)
+    np.testing.assert_allclose(left, 0.0, atol=1e-8 * size)
+    worst = largest_tension(held, balance)
+    turns = Rotation.random(300, rng=np.random.default_rng(1)).as_matrix()
+    most = max(balance(held.forces(turn)).max() for turn in turns)
+    assert 0.9 * worst < most <= worst * (1 + 1e-9)

@@ -6,6 +6,7 @@ what was measured is kept.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -61,6 +62,18 @@ def validation(
     readme: Annotated[
         bool, typer.Option("--readme", help="Write the table to validation/README.md too.")
     ] = False,
+    runs: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--run",
+            metavar="RUN",
+            help="Dataset of `mcdem run` for the cases that read one, in place of the committed one; may be repeated.",
+        ),
+    ] = None,
+    pecnut: Annotated[
+        Path | None,
+        typer.Option(metavar="CHECKOUT", help="Of Pecnut/stokesian-dynamics. Default: $PECNUT_CHECKOUT."),
+    ] = None,
     listed: Annotated[
         bool, typer.Option("--list", help="Name the cases and the ways to break physics.")
     ] = False,
@@ -81,8 +94,14 @@ def validation(
         return
     if way is not None and way not in broken.WAYS:
         raise UserError(f'--break "{way}": expected one of {", ".join(broken.WAYS)}')
-    if readme and (case or way):
-        raise UserError("--readme: expected a run of all cases, with nothing broken")
+    if readme and (case or way or runs):
+        raise UserError("--readme: expected a run of all cases, with nothing broken and no run given")
+    if pecnut is None and "PECNUT_CHECKOUT" in os.environ:
+        pecnut = Path(os.environ["PECNUT_CHECKOUT"])
+    for path in [*(runs or []), *([pecnut] if pecnut else [])]:
+        if not path.exists():
+            raise UserError(f"{path}: no such file or folder")
+    given = cases_of.Given(tuple(path.resolve() for path in runs or ()), pecnut and pecnut.resolve())
 
     from mcdem import executors
     from validation.run import run
@@ -92,7 +111,14 @@ def validation(
         with executors.opened(executor.value, workers, scheduler) as crew, Display(console) as display:
             display.begin(len(wanted))
             outcomes = run(
-                wanted, output / "kept", crew.executor, quick=quick, way=way, fresh=fresh, told=display
+                wanted,
+                output / "kept",
+                crew.executor,
+                quick=quick,
+                way=way,
+                given=given,
+                fresh=fresh,
+                told=display,
             )
     except KeyboardInterrupt:
         typer.secho("interrupted: given again, the command goes on from what is kept", err=True)

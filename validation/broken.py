@@ -100,6 +100,25 @@ def _change_functions(names: tuple[str, ...], factor: float) -> contextlib.Abstr
 
 
 @contextlib.contextmanager
+def weak_contacts() -> Iterator[None]:
+    """Contacts break at 80 % of the pull-off force that the scene says."""
+
+    def change(_, flow, physics):
+        law = physics.jkr
+        weaker = (
+            None
+            if law is None
+            else law._replace(
+                pull_off_force=0.8 * law.pull_off_force, equilibrium_stiffness=0.8 * law.equilibrium_stiffness
+            )
+        )
+        return flow, physics._replace(jkr=weaker)
+
+    with _change_physics(change):
+        yield
+
+
+@contextlib.contextmanager
 def torque_sign() -> Iterator[None]:
     """Y^B and Y^H of two spheres have the wrong sign: forces are right, rotation is not."""
     with _change_functions(("YB", "YH"), -1.0):
@@ -162,6 +181,31 @@ def aggregation_half() -> Iterator[None]:
         yield
 
 
+@contextlib.contextmanager
+def clock_slow() -> Iterator[None]:
+    """The process time of a run is read as twice what it was."""
+    from mcdem.runs import Run
+
+    intact = Run.time.fget  # type: ignore[attr-defined]
+    with mock.patch.object(Run, "time", property(lambda self: 2.0 * intact(self))):
+        yield
+
+
+@contextlib.contextmanager
+def smallest_for_largest() -> Iterator[None]:
+    """Of what broke, what is left beside the largest fragment is taken for the largest."""
+    from mcdem import runs
+
+    intact = runs.breakups
+
+    def breakups(*columns):
+        found = intact(*columns)
+        return found.assign(largest_fragment=1.0 - found["largest_fragment"])
+
+    with mock.patch.object(runs, "breakups", breakups):
+        yield
+
+
 WAYS: dict[str, Callable[[], contextlib.AbstractContextManager]] = {
     way.__name__: way
     for way in (
@@ -170,11 +214,14 @@ WAYS: dict[str, Callable[[], contextlib.AbstractContextManager]] = {
         delta_moved,
         distances_long,
         weak_attraction,
+        weak_contacts,
         torque_sign,
         squeeze_low,
         doubling_loses_a_copy,
         flat_encounter_rates,
         aggregation_half,
+        clock_slow,
+        smallest_for_largest,
     )
 }
 

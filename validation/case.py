@@ -150,6 +150,19 @@ class Findings:
 
 
 @dataclass(frozen=True)
+class Given:
+    """What the user gives for cases to read."""
+
+    runs: tuple[Path, ...] = ()
+    """Datasets of `mcdem run`, in place of the committed one."""
+    pecnut: Path | None = None
+    """Checkout of Pecnut/stokesian-dynamics."""
+
+
+NOTHING_GIVEN = Given()
+
+
+@dataclass(frozen=True)
 class Context:
     """How a case is run."""
 
@@ -157,6 +170,7 @@ class Context:
     """A few minutes for all cases together, instead of hours: fewer points, shorter runs, the same claims."""
     seed: int = 0
     """Of the case; every random number of it descends from this."""
+    given: Given = NOTHING_GIVEN
 
     def rng(self, *place: int) -> np.random.Generator:
         """A stream of its own for each place."""
@@ -184,7 +198,7 @@ class Case:
     parts: Callable[[Context], Mapping[str, Any]] | None = None
     seen: tuple[str, ...] = ()
     seed: int = 0
-    inputs: tuple[Path, ...] = ()
+    inputs: Callable[[Context], tuple[Path, ...]] = lambda context: ()
     """Files that the numbers rest on beside the sources that the case imports; they need not exist."""
     expected: Verdict = Verdict.agrees
     """The verdict as it was last understood; another one ends the command with exit code 1."""
@@ -205,8 +219,8 @@ class Case:
         """The findings from the numbers of all parts."""
         return self.judge(context, numbers[ALONE] if self.parts is None else dict(numbers))
 
-    def context(self, quick: bool) -> Context:
-        return Context(quick, self.seed)
+    def context(self, quick: bool, given: Given = NOTHING_GIVEN) -> Context:
+        return Context(quick, self.seed, given)
 
 
 # The cases there are

@@ -67,7 +67,7 @@ def key(case: Case, context: Context, label: str, argument: Any, broken: str | N
     """Changes whenever the numbers of a part might."""
     rests_on = {
         "sources": {str(p.relative_to(ROOT)): _digest(p) for p in sources(names()[case.name])},
-        "inputs": {str(p): _digest(p) for p in case.inputs},
+        "inputs": {str(p): _digest(p) for p in case.inputs(context)},
         "libraries": {name: version(name) for name in LIBRARIES},
         "python": platform.python_version(),
         "machine": platform.machine(),

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from validation import broken, origin
-from validation.case import Case, Context, Findings, Verdict, load
+from validation.case import NOTHING_GIVEN, Case, Context, Findings, Given, Verdict, load
 
 
 @dataclass(frozen=True)
@@ -59,14 +59,33 @@ class Outcome:
 
     @property
     def as_expected(self) -> bool:
+        """Of what the user gave, nothing is expected but an answer."""
+        if self.read:
+            return self.verdict != Verdict.failed
         return self.verdict == self.case.expected
 
     @property
+    def read(self) -> list[Path]:
+        """Files given by the user that the numbers rest on."""
+        asked = self.case.inputs(self.context)
+        return [path for path in given_paths(self.context.given) if path in asked]
+
+    @property
     def command(self) -> str:
-        return f"python -m validation {self.case.name}{' --quick' if self.context.quick else ''} -o report/"
+        mode = " --quick" if self.context.quick else ""
+        runs = "".join(f" --run {path}" for path in self.read if path in self.context.given.runs)
+        peer = " --pecnut CHECKOUT" if self.context.given.pecnut in self.read else ""
+        return f"python -m validation {self.case.name}{mode}{runs}{peer} -o report/"
 
 
-def perform(name: str, quick: bool, label: str, way: str | None) -> dict[str, Any]:
+def given_paths(given: Given) -> list[Path]:
+    """All paths that the user gave."""
+    return [*given.runs, *([given.pecnut] if given.pecnut else [])]
+
+
+def perform(
+    name: str, quick: bool, label: str, way: str | None, given: Given = NOTHING_GIVEN
+) -> dict[str, Any]:
     """Measure one part, in whatever process; what goes wrong is told, not raised."""
     import threadpoolctl
 
@@ -76,7 +95,7 @@ def perform(name: str, quick: bool, label: str, way: str | None) -> dict[str, An
         try:
             case = load(name)
             with broken.broken(way):
-                result["numbers"] = case.measured(case.context(quick), label)
+                result["numbers"] = case.measured(case.context(quick, given), label)
             result = json.loads(json.dumps(result, default=_plain))
         except Exception:
             result = {"problem": traceback.format_exc()}
@@ -93,9 +112,9 @@ def _plain(value: Any) -> Any:
     )
 
 
-def parts_of(case: Case, quick: bool, way: str | None = None) -> list[Part]:
+def parts_of(case: Case, quick: bool, way: str | None = None, given: Given = NOTHING_GIVEN) -> list[Part]:
     """The parts of a case, each with the key of its numbers."""
-    context = case.context(quick)
+    context = case.context(quick, given)
     return [
         Part(case, context, label, origin.key(case, context, label, argument, way), way)
         for label, argument in case.labelled(context).items()
@@ -109,6 +128,7 @@ def run(
     *,
     quick: bool = False,
     way: str | None = None,
+    given: Given = NOTHING_GIVEN,
     fresh: bool = False,
     told: Callable[[str, Any], None] = lambda event, what: None,
 ) -> list[Outcome]:
@@ -116,10 +136,11 @@ def run(
 
     folder : where numbers are kept from run to run, each part's as soon as it is there
     way : how to break physics (`validation.broken`)
+    given : files for the cases that read any
     fresh : measure again what is kept
     told : called with ("part", part) when one is measured, ("case", outcome) when one is judged
     """
-    parts = {case.name: parts_of(case, quick, way) for case in cases}
+    parts = {case.name: parts_of(case, quick, way, given) for case in cases}
     results: dict[str, dict[str, dict[str, Any]]] = {name: {} for name in parts}
     reused = dict.fromkeys(parts, 0)
     waiting: dict[Future[dict[str, Any]], Part] = {}
@@ -142,7 +163,7 @@ def run(
             settle(part, known)
     try:
         for part in to_measure:
-            future = executor.submit(perform, part.name, quick, part.label, way)
+            future = executor.submit(perform, part.name, quick, part.label, way, given)
             waiting[future] = part
             if future.done():  # computed here, at once
                 _finish(future, waiting.pop(future), folder, settle)

@@ -22,6 +22,9 @@ GYRATION_PREFACTOR, GYRATION_EXPONENT = 3.34, 1.68
 EXPONENT_RANGES = {"gyration": (2.1, (1.6, 1.7)), "outer": (1.9, (1.5, 1.6))}
 """d_g and d_o at 1000 Pa: at first, and the range at steady state; section 3.2."""
 
+ACCELERATED = {750.0: True, 875.0: True, 1000.0: False}
+"""Whether growth accelerates before breakup dampens it, by shear stress [Pa]; section 3.1."""
+
 SLIGHTLY_ELONGATED = (1.25, 2.00)
 """Most aggregates' A.R. at 1000 Pa; section 3.2."""
 RODS_ABOVE = 2.50

@@ -85,5 +85,5 @@ CASE = Case(
     measure=measure,
     judge=judge,
     seen=("distances_long",),
-    inputs=(DIGITISED,),
+    inputs=lambda context: (DIGITISED,),
 )

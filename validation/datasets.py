@@ -1,0 +1,38 @@
+"""The datasets that cases read: those given by `--run`, else the committed ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mcdem.errors import UserError
+
+if TYPE_CHECKING:
+    from validation.case import Context
+
+FOLDER = Path(__file__).parent.parent / "notebooks" / "data"
+YOUNG = FOLDER / "small-1000Pa.nc"
+"""A short run, taken where no long one is committed."""
+
+
+def runs(context: Context) -> tuple[Path, ...]:
+    """Datasets of `mcdem run`."""
+    if context.given.runs:
+        return context.given.runs
+    return tuple(path for path in sorted(FOLDER.glob("run-*Pa.nc")) if _whole(path)) or (YOUNG,)
+
+
+def _whole(path: Path) -> bool:
+    """Whether a dataset holds its encounters and geometries, and is not thinned for the balance alone."""
+    from mcdem.record import opened
+
+    try:
+        with opened(path):
+            return True
+    except UserError:
+        return False
+
+
+def checkout(context: Context) -> tuple[Path, ...]:
+    """The checkout of Pecnut/stokesian-dynamics, if it is given."""
+    return (context.given.pecnut,) if context.given.pecnut else ()
