@@ -11,10 +11,10 @@ import pytest
 import mcdem
 from mcdem.scene import load_scene
 from validation.hard_cases import laws
-from validation.hard_cases.__main__ import warm_up
 from validation.hard_cases.case import PAPER, Course, Encounter, Whole, worst
 from validation.hard_cases.catalogue import CATALOGUE
 from validation.hard_cases.shapes import doublet, monomer, one_redundant_centres, shape, tetrahedron_centres
+from validation.hard_cases.table import warm_up
 from validation.hard_cases.watch import look
 
 
