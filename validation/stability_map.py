@@ -27,10 +27,10 @@ from mcdem.effects import contact_equilibrium, contact_force, contact_gap, conta
 from mcdem.effects.van_der_waals import VanDerWaalsKernel
 from mcdem.encounter import physics_of
 from mcdem.figures.style import BLACK, BLUE, GREY, ORANGE, VERMILION, canvas, look
-from mcdem.hydrodynamics import stokesian
 from mcdem.scene import Scene, load_scene
 from mcdem.stepping import state
-from mcdem.stepping.rigid import RIGID, analyse, worst_load
+from mcdem.stepping.integrate import analysed
+from mcdem.stepping.rigid import worst_load
 from validation.hard_cases import laws
 from validation.hard_cases.case import PAPER
 from validation.hard_cases.shapes import settled
@@ -178,15 +178,11 @@ def turning_holds(scene: Scene, step: float) -> bool:
     """
     start = cluster(scene)
     flow, physics = physics_of(scene)
-    positions = start.positions / scene.suspension.radius
-    code, body = analyse(
-        stokesian.workspace(len(positions)),
-        positions - positions.mean(axis=0),
-        start.bonded,
-        np.ones(len(positions)),
-        *physics,
-    )
-    assert code == RIGID
+    n = len(start.parent)
+    at = start.positions / scene.suspension.radius
+    still = state.Motion(at, np.zeros((n, 3)), start.bonded, np.zeros((n, n)), np.ones(n), start.parent)
+    body, _ = analysed(still, physics)
+    assert body is not None
     load = 3.0 * worst_load(body, flow.strain_five)
     strength = contact_pull_off_force(1.0, physics.jkr, physics.dmt)
     longest = contact_gap(-min(load, 0.999) * strength, 1.0, physics.jkr, physics.dmt)

@@ -103,5 +103,5 @@ CASE = Case(
     "the snap-in by the landing depth at the worst place on the way; a turning cluster where a step turns it by less than 0.03",
     measure=measure,
     judge=judge,
-    inputs=(stability_map.KEPT,),
+    inputs=lambda context: (stability_map.KEPT,),
 )
