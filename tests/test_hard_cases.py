@@ -11,10 +11,10 @@ import pytest
 import mcdem
 from mcdem.scene import load_scene
 from validation.hard_cases import laws
-from validation.hard_cases.case import PAPER, Course, Encounter, Whole, worst
+from validation.hard_cases.case import PAPER, Course, Encounter, Finding, Whole, worst
 from validation.hard_cases.catalogue import CATALOGUE
 from validation.hard_cases.shapes import doublet, monomer, one_redundant_centres, shape, tetrahedron_centres
-from validation.hard_cases.table import warm_up
+from validation.hard_cases.table import Judged, markdown, warm_up
 from validation.hard_cases.watch import look
 
 
@@ -124,3 +124,35 @@ def test_two_ensembles_of_different_outcomes_are_told_apart():
 def test_the_worst_finding_is_the_one_with_the_least_left(case):
     found = list(Encounter("doublet", "", doublet(0.0), monomer, strain=0.2).judge())
     assert worst(found).margin == min(f.margin for f in found)
+
+
+def test_the_page_tells_what_does_not_hold():
+    def found(verdict, margin):
+        return Finding("a case", "a law", verdict, 7, margin, "words")
+
+    stand_in = SimpleNamespace(name="a case", story="a story")
+    judged = [
+        Judged(stand_in, (found("holds", 0.5), found("broken", -2.0)), 1.0),
+        Judged(stand_in, (found("holds", 0.9),), 2.0),
+    ]
+    page = markdown(judged)
+    assert "| a case | a story | 2 | broken | 7 | -2 | a law: words |" in page
+    assert "| a case | a story | 1 | holds | 7 | 0.9 | a law: words |" in page
+    assert "- a case, a law: **broken**, words" in page
+    assert "2 cases: 2 holds, 1 broken; the longest, a case, took 2.0 s" in page
+
+
+def test_a_last_gap_is_closed_however_strong_the_attraction():
+    """No shortest step of 1e-9/g keeps primaries from landing on a stiff contact in a weak flow."""
+    scene = load_scene(PAPER).with_changes(
+        {
+            "flow.shear_rate": "1 1/s",
+            "flow.viscosity": "1e-3 Pa s",
+            "effects.van_der_waals.hamaker_constant": "1e-18 J",
+            "effects.jkr.elastic_modulus": "1 TPa",
+        }
+    )
+    result = mcdem.simulate_encounter(
+        scene, mcdem.Aggregate.monomer(), mcdem.Aggregate.monomer(), (0.0, 0.3 * scene.suspension.radius)
+    )
+    assert result.outcome == "aggregation"
