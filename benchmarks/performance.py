@@ -153,38 +153,43 @@ def growth() -> None:
 
 
 def pecnut_solve(checkout: Path, positions: np.ndarray) -> Callable[[], object]:
-    """The grand resistance matrix and its solve by a checkout of Pecnut/stokesian-dynamics, run from its own folder."""
+    """The grand resistance matrix and its solve by a checkout of Pecnut/stokesian-dynamics, run from its own folder.
+
+    Its settings.py switches numba off: say config.DISABLE_JIT = False there, or it is slower by 60 to 100 times.
+    """
     import os
 
     folder = checkout / "stokesian_dynamics"
     for path in (checkout, folder):
         if str(path) not in sys.path:
             sys.path.insert(0, str(path))
-    before = Path.cwd()
+    before, arguments = Path.cwd(), sys.argv
     os.chdir(folder)
+    # Its settings read the command line when they are imported.
+    sys.argv = ["run_simulation.py", "1", "1", "0.1", "1", "fte", "False"]
     try:
         from functions.generate_grand_resistance_matrix import generate_grand_resistance_matrix  # type: ignore
     finally:
         os.chdir(before)
+        sys.argv = arguments
     n = len(positions)
-    data = (np.ones(n), positions, np.zeros((0, 3)), np.zeros((n, 3)), [], np.zeros((0, 3)), np.zeros((0, 0)))
+    none = np.zeros((0, 3))
+    data = (np.ones(n), positions, np.zeros((n, 2, 3)), np.zeros(0), none, none)
 
     def solve() -> object:
         os.chdir(folder)
         try:
-            resistance = generate_grand_resistance_matrix(data, None, (True, False), cutoff_factor=2)[0]
+            resistance = generate_grand_resistance_matrix(data, None, regenerate_Minfinity=True)[0]
         finally:
             os.chdir(before)
-        return np.linalg.solve(resistance, np.ones(resistance.shape[0]))
+        return np.linalg.solve(np.asarray(resistance), np.ones(len(positions) * 11))
 
     return solve
 
 
-def encounters(run: Path, starts: int, seed: int) -> None:
+def encounters(run: Path, scene: mcdem.Scene, starts: int, seed: int) -> None:
     """Print the times of encounters under the default and under the paper's scheme, on the same starts."""
-    opened = Run(run)
-    scene = opened.scene
-    given = scene.with_changes({"numerics": None}) if scene.numerics.scheme != "implicit" else scene
+    given = scene.with_changes({"numerics.scheme": "implicit"})
     paper = given.with_changes({"numerics.scheme": "paper", "numerics.paper_step_velocity": "normal"})
     pairs = draw_pairs(scene, [run], starts, seed)
     for warm in (given, paper.with_changes({"numerics.rotations": 0.01})):
@@ -208,10 +213,9 @@ def encounters(run: Path, starts: int, seed: int) -> None:
     )
 
 
-def events(run: Path, count: int, seed: int) -> None:
+def events(run: Path, scene: mcdem.Scene, count: int, seed: int) -> None:
     """Print what an encounter of the population costs under the default, by number of primaries, and what 283 s would."""
     opened = Run(run)
-    scene = opened.scene
     pairs = draw_pairs(scene, [run], count, seed)
     mcdem.simulate_encounter(scene, *pairs[0], seed=0)
     cpu = np.array(
@@ -262,8 +266,9 @@ def main() -> None:
         growth()
     with threadpoolctl.threadpool_limits(limits=1):
         if given.run is not None:
-            events(given.run, given.events, given.seed)
-            encounters(given.run, given.starts, given.seed)
+            scene = mcdem.load_scene(given.scene) if given.scene else Run(given.run).scene
+            events(given.run, scene, given.events, given.seed)
+            encounters(given.run, scene, given.starts, given.seed)
 
 
 if __name__ == "__main__":

@@ -91,7 +91,7 @@ def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
         )
 
     turn("max_step", [n.max_step * f for f in ((0.5, 2.0) if quick else (0.25, 0.5, 1.5, 2.0))])
-    turn("far_field_lag", (0.0, 0.2) if quick else (0.0, 0.01, 0.05, 0.1, 0.2))
+    turn("far_field_lag", (0.0, 0.6) if quick else (0.0, 0.1, 0.2, 0.5, 0.8))
     turn("far_approach", (0.0,) if quick else (0.0, 1.2, 1.5, 2.0, 3.0))
     turn("separation", (0.0,) if quick else (0.0, 1.2, 1.5, 2.0, 3.0))
     turn("rotations", (2.0,) if quick else (1.0, 2.0, 4.0, 16.0))
@@ -111,7 +111,7 @@ def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
             for level in ("free_draining", "rotne_prager", "fts")
             if level != scene.hydrodynamics.level
         )
-    coarse = {"numerics.max_step": 2.0 * n.max_step, "numerics.far_field_lag": 0.2}
+    coarse = {"numerics.max_step": 2.0 * n.max_step, "numerics.far_field_lag": 0.6}
     found.append(Setting("coarse", "together", coarse))
     if not quick:
         found.append(Setting("coarse, 2 rotations", "together", {**coarse, "numerics.rotations": 2.0}))

@@ -120,7 +120,7 @@ class Numerics(Table):
     """Distance upstream at which the second aggregate starts, in units of R_i + R_j."""
     rotations: NonNegativeDimensionless = 8.0
     """Rotations N_rot that follow the approach (Eq. 21)."""
-    far_field_lag: NonNegativeDimensionless = 0.05
+    far_field_lag: NonNegativeDimensionless = 0.3
     """The far field is kept, turning along, until a separation changed by this share of its gap plus a radius; 0: never kept."""
     far_approach: NonNegativeDimensionless = 2.0
     """Two rigid aggregates approach as bodies with a stresslet down to this centre distance over R_i + R_j; 0 for never,

@@ -5,5 +5,5 @@ two_sphere   exact resistance of two spheres, its far field, and the table of th
              (twin_multipoles: the exact series; pair_mobility: the far field; pair_tensors: scalars to tensors)
 lubrication  the two-body part laid into the resistance of N spheres
 stokesian    the whole: resistance, drive of the straining flow, velocities; the coarser levels, which leave out parts of it
-lagged       the far field of a while ago, turned along
+lagged       the far field of a while ago, turned along and corrected
 """

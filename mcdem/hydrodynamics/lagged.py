@@ -1,8 +1,15 @@
-"""The far field of a while ago, turned along.
+"""The far field of a while ago, turned along, and one correction for what has changed since.
 
-The far-field resistance is what costs most of a step and varies slowest.  It is kept from one step to the next, each
-body's share turned with the body, or all turned together, which is exact as long as nothing but that rotation
-happens; it is made anew when a separation has changed beyond it by more than a share of the gap plus one radius.
+The far-field resistance is what costs most of a step and varies slowest.  Its matrix is kept from one step to the next, each
+body's share turned with the body, or all turned together.  The moments of now
+(stresslets, torques and forces on the fluid) are foreseen as phi' from those of the last two steps, what the true mobility M
+makes of them is computed pair by pair, and what it misses is corrected by the kept factor B ~ M^-1:
+
+    phi = phi' + B (rates - M phi')
+
+The error is B's, times only that of the foreseen moments, while a kept matrix alone would put its own error on all of them.
+The matrix is made anew when a separation has changed beyond the turn by more than a share of the gap plus one radius, and when
+contacts change, since the last moments then tell little.
 """
 
 from __future__ import annotations
@@ -14,37 +21,52 @@ from numba import njit
 
 from mcdem.hydrodynamics import stokesian
 from mcdem.hydrodynamics.far_field import tensor_to_five
+from mcdem.hydrodynamics.mobility_product import apply_mobility
+from mcdem.linear_algebra import solve_cholesky
 
-# Number of primaries from which turning a kept far field costs less than a new one.
+# Number of primaries from which keeping a far field costs less than a new one.
 LAG_PAYS = 8
-# Calls for which a far field is made without being kept, after one that was kept in vain: keeping costs a quarter more.
-WAIT = 4
+_SQRT2 = np.sqrt(2.0)
+_SQRT6 = np.sqrt(6.0)
 
 
 class Lagged(NamedTuple):
-    """A far field and where it was made."""
+    """A far field and where it was made; its Cholesky factor stays in `Work.mobility`.
+
+    Moments are kept in the frame of that moment, ordered (stresslets 5N | torques 3N | forces 3N).
+    """
 
     made: np.ndarray  # (1,) bool
-    used: np.ndarray  # (1,) bool, whether it has served since it was made
-    wait: np.ndarray  # (1,) calls for which keeping is not tried: it just failed
+    known: np.ndarray  # (1,) how many of the last two steps `moments` holds
     resistance: np.ndarray  # (6N, 6N)
-    drives: np.ndarray  # (5, 6N) of the five unit strains
+    moments: np.ndarray  # (2, 11N) of the last two steps, newest first
+    foreseen: np.ndarray  # (11N,) of this step
+    still: np.ndarray  # (11N,) of spheres held still in this one, as far as known
+    answer: np.ndarray  # (11N,) work space
     positions: np.ndarray  # (N, 3)
     turns: np.ndarray  # (N, 3, 3) rotation of each sphere's body since then
     together: np.ndarray  # (N,) work space
+    places: np.ndarray  # (3, N) work space of `apply_mobility`, as are
+    rows: np.ndarray  # (12, N)
+    rates: np.ndarray  # (12, N)
 
 
 def new_lagged(n: int) -> Lagged:
     """Nothing kept yet."""
     return Lagged(
         np.zeros(1, np.bool_),
-        np.zeros(1, np.bool_),
         np.zeros(1, np.int64),
         np.empty((6 * n, 6 * n)),
-        np.empty((5, 6 * n)),
+        np.empty((2, 11 * n)),
+        np.empty(11 * n),
+        np.empty(11 * n),
+        np.empty(11 * n),
         np.empty((n, 3)),
         np.empty((n, 3, 3)),
         np.empty(n, np.int64),
+        np.empty((3, n)),
+        np.empty((12, n)),
+        np.empty((12, n)),
     )
 
 
@@ -168,12 +190,11 @@ def turn_block(source, target, row, column, left, right, half):
 
 
 @njit(cache=True)
-def turned_far_field(kept, work, strain):
-    """The kept far field, turned, into `work.resistance` and `work.drive`."""
+def turned_resistance(kept, work):
+    """The kept resistance, turned, into `work.resistance`."""
     n = kept.positions.shape[0]
     m = 3 * n
-    seen = np.empty(5)
-    local, half = np.empty((3, 3)), np.empty((3, 3))
+    half = np.empty((3, 3))
     source, target, turns = kept.resistance, work.resistance, kept.turns
     for i in range(n):
         left = turns[i]
@@ -182,28 +203,184 @@ def turned_far_field(kept, work, strain):
             turn_block(source, target, m + 3 * i, m + 3 * j, left, turns[j], half)
         for j in range(n):
             turn_block(source, target, m + 3 * i, 3 * j, left, turns[j], half)
-        for p in range(3):
-            for q in range(3):
-                total = 0.0
-                for k in range(3):
-                    for c in range(3):
-                        total += left[k, p] * strain[k, c] * left[c, q]
-                local[p, q] = total
-        tensor_to_five(local, seen)
-        for start in (3 * i, m + 3 * i):
-            for p in range(3):
-                total = 0.0
-                for q in range(3):
-                    for c in range(5):
-                        total += left[p, q] * kept.drives[c, start + q] * seen[c]
-                work.drive[start + p] = total
+
+
+@njit(cache=True, inline="always")
+def turned(turn, vector, start, p):
+    """Component p of turn (3, 3) times three components of a vector."""
+    return turn[p, 0] * vector[start] + turn[p, 1] * vector[start + 1] + turn[p, 2] * vector[start + 2]
 
 
 @njit(cache=True)
-def far_field(kept, work, radii, positions, labels, bodies, strain, tolerance, coupled, stresslets):
+def turned_tensor(turn, source, out, back):
+    """out = turn source turn^T, all (3, 3), or turn^T source turn if `back`."""
+    for p in range(3):
+        for q in range(3):
+            total = 0.0
+            for k in range(3):
+                for m in range(3):
+                    if back:
+                        total += turn[k, p] * source[k, m] * turn[m, q]
+                    else:
+                        total += turn[p, k] * source[k, m] * turn[q, m]
+            out[p, q] = total
+
+
+@njit(cache=True)
+def five_to_matrix(five, start, out):
+    """The symmetric traceless tensor (3, 3) of five components from `start` on."""
+    a, b = five[start] / _SQRT2, five[start + 1] / _SQRT6
+    out[0, 0], out[1, 1], out[2, 2] = a - b, -a - b, 2.0 * b
+    out[0, 1] = out[1, 0] = five[start + 2] / _SQRT2
+    out[0, 2] = out[2, 0] = five[start + 3] / _SQRT2
+    out[1, 2] = out[2, 1] = five[start + 4] / _SQRT2
+
+
+@njit(cache=True)
+def moments_as_rows(kept, moments, rows):
+    """Kept moments (11N,), turned along, into rows (12, N) of `mobility_product`."""
+    n = kept.positions.shape[0]
+    local, tensor = np.empty((3, 3)), np.empty((3, 3))
+    for i in range(n):
+        turn = kept.turns[i]
+        for p in range(3):
+            rows[p, i] = turned(turn, moments, 8 * n + 3 * i, p)
+            rows[3 + p, i] = turned(turn, moments, 5 * n + 3 * i, p)
+        five_to_matrix(moments, 5 * i, local)
+        turned_tensor(turn, local, tensor, False)
+        rows[6, i], rows[7, i], rows[8, i] = tensor[0, 0], tensor[1, 1], tensor[2, 2]
+        rows[9, i], rows[10, i], rows[11, i] = tensor[0, 1], tensor[0, 2], tensor[1, 2]
+
+
+@njit(cache=True)
+def misfit(kept, strain, correct, out):
+    """out (11N,) = rates of spheres held still in a strain (3, 3), less those in `kept.rates` if `correct`; in the kept frame."""
+    n = kept.positions.shape[0]
+    tensor, local, five = np.empty((3, 3)), np.empty((3, 3)), np.empty(5)
+    rates = kept.rates
+    for i in range(n):
+        turn = kept.turns[i]
+        tensor[:] = -strain
+        if correct:
+            third = (rates[6, i] + rates[7, i] + rates[8, i]) / 3.0
+            tensor[0, 0] -= rates[6, i] - third
+            tensor[1, 1] -= rates[7, i] - third
+            tensor[2, 2] -= rates[8, i] - third
+            tensor[0, 1] -= rates[9, i]
+            tensor[0, 2] -= rates[10, i]
+            tensor[1, 2] -= rates[11, i]
+            tensor[1, 0], tensor[2, 0], tensor[2, 1] = tensor[0, 1], tensor[0, 2], tensor[1, 2]
+        turned_tensor(turn, tensor, local, True)
+        tensor_to_five(local, five)
+        out[5 * i : 5 * i + 5] = five
+        for p in range(3):
+            spin = drift = 0.0
+            if correct:
+                for k in range(3):
+                    drift -= turn[k, p] * rates[k, i]
+                    spin -= turn[k, p] * rates[3 + k, i]
+            out[5 * n + 3 * i + p] = spin
+            out[8 * n + 3 * i + p] = drift
+
+
+@njit(cache=True)
+def hold_still(kept, work, radii, positions, strain, correct, share):
+    """Moments of spheres held still in the strain (3, 3) into `kept.still`, and their drive into `work.drive`.
+
+    correct : whether the kept matrix is not that of `positions` and the foreseen moments are to correct it
+    share : time from the last step to this one, over that from the one before to the last
+    """
+    n = radii.shape[0]
+    if correct:
+        last, older = kept.moments[0], kept.moments[1]
+        beyond = share if kept.known[0] > 1 else 0.0
+        for k in range(11 * n):
+            kept.foreseen[k] = last[k] + (beyond * (last[k] - older[k]) if beyond > 0.0 else 0.0)
+        for i in range(n):
+            for k in range(3):
+                kept.places[k, i] = positions[i, k]
+        moments_as_rows(kept, kept.foreseen, kept.rows)
+        apply_mobility(kept.places, radii, kept.rows, kept.rates)
+    misfit(kept, strain, correct, kept.still)
+    solve_cholesky(work.mobility, kept.still)
+    if correct:
+        for k in range(11 * n):
+            kept.still[k] += kept.foreseen[k]
+    for i in range(n):
+        for p in range(3):
+            work.drive[3 * i + p] = -turned(kept.turns[i], kept.still, 5 * n + 3 * i, p)
+            work.drive[3 * (n + i) + p] = -turned(kept.turns[i], kept.still, 8 * n + 3 * i, p)
+
+
+@njit(cache=True)
+def learn(kept, work, angular, linear):
+    """Keep the moments of the step taken, from angular and linear (3N,) relative to the flow, where `far_field` was formed."""
+    n = kept.positions.shape[0]
+    if not kept.made[0]:
+        return
+    answer = kept.answer
+    answer[: 5 * n] = 0.0
+    for i in range(n):
+        turn = kept.turns[i]
+        for p in range(3):
+            spin = drift = 0.0
+            for k in range(3):
+                spin += turn[k, p] * angular[3 * i + k]
+                drift += turn[k, p] * linear[3 * i + k]
+            answer[5 * n + 3 * i + p] = spin
+            answer[8 * n + 3 * i + p] = drift
+    solve_cholesky(work.mobility, answer)
+    for k in range(11 * n):
+        kept.moments[1, k] = kept.moments[0, k]
+        kept.moments[0, k] = kept.still[k] + answer[k]
+    kept.known[0] = min(kept.known[0] + 1, 2)
+
+
+@njit(cache=True)
+def forget(kept):
+    """Contacts have changed: the next far field is made anew, and the moments of before tell nothing."""
+    kept.made[0] = False
+    kept.known[0] = 0
+
+
+@njit(cache=True)
+def turn_moments(kept, moments):
+    """Turn moments (11N,) of the kept frame into that of now."""
+    n = kept.positions.shape[0]
+    local, tensor, three = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    for i in range(n):
+        turn = kept.turns[i]
+        for start in (5 * n + 3 * i, 8 * n + 3 * i):
+            for p in range(3):
+                three[p] = turned(turn, moments, start, p)
+            moments[start : start + 3] = three
+        five_to_matrix(moments, 5 * i, local)
+        turned_tensor(turn, local, tensor, False)
+        tensor_to_five(tensor, moments[5 * i : 5 * i + 5])
+
+
+@njit(cache=True)
+def keep(kept, work, positions):
+    """Keep what `far_field_resistance` just made at `positions`."""
+    n = positions.shape[0]
+    for known in range(kept.known[0]):
+        turn_moments(kept, kept.moments[known])
+    for row in range(6 * n):
+        for column in range(row + 1):
+            kept.resistance[row, column] = kept.resistance[column, row] = work.resistance[row, column]
+    kept.positions[:] = positions
+    for i in range(n):
+        for p in range(3):
+            for q in range(3):
+                kept.turns[i, p, q] = 1.0 if p == q else 0.0
+    kept.made[0] = True
+
+
+@njit(cache=True)
+def far_field(kept, work, radii, positions, labels, bodies, strain, share, tolerance, coupled, stresslets):
     """Resistance and drive without lubrication at a level into `work`, kept (`tolerance` > 0) or made anew; 0 or an error code.
 
-    Only the far field with stresslets is worth keeping.
+    Only the far field with stresslets is worth keeping.  share : as of `hold_still`
     """
     five = np.empty(5)
     tensor_to_five(strain, five)
@@ -215,41 +392,17 @@ def far_field(kept, work, radii, positions, labels, bodies, strain, tolerance, c
         if code == 0:
             stokesian.far_field_drive(work, five)
         return code
-    if kept.wait[0] > 0:
-        kept.wait[0] -= 1
-    elif kept.made[0]:
-        if still_good(kept, positions, labels, bodies, kept.together, tolerance):
-            turned_far_field(kept, work, strain)
-            kept.used[0] = True
-            return 0
-        if not kept.used[0]:
-            kept.wait[0] = WAIT
-    code = stokesian.far_field_resistance(work, radii)
-    if code != 0:
-        return code
-    if kept.wait[0] > 0:
-        kept.made[0] = False
-        stokesian.far_field_drive(work, five)
-        return 0
-    n = radii.shape[0]
-    unit = np.zeros(5)
-    for k in range(5):
-        unit[:] = 0.0
-        unit[k] = 1.0
-        stokesian.far_field_drive(work, unit)
-        kept.drives[k] = work.drive
-    work.drive[:] = 0.0
-    for k in range(5):
-        for row in range(6 * n):
-            work.drive[row] += five[k] * kept.drives[k, row]
-    for row in range(6 * n):
-        for column in range(row + 1):
-            kept.resistance[row, column] = kept.resistance[column, row] = work.resistance[row, column]
-    kept.positions[:] = positions
-    for i in range(n):
-        for p in range(3):
-            for q in range(3):
-                kept.turns[i, p, q] = 1.0 if p == q else 0.0
-    kept.made[0] = True
-    kept.used[0] = False
+    good = (
+        kept.made[0]
+        and kept.known[0] > 0
+        and still_good(kept, positions, labels, bodies, kept.together, tolerance)
+    )
+    if good:
+        turned_resistance(kept, work)
+    else:
+        code = stokesian.far_field_resistance(work, radii)
+        if code != 0:
+            return code
+        keep(kept, work, positions)
+    hold_still(kept, work, radii, positions, strain, good, share)
     return 0

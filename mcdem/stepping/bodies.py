@@ -132,6 +132,17 @@ def rotation(vector, matrix):
 
 
 @njit(cache=True)
+def share_beyond(history, interval):
+    """Time from the middle of the last step to that of the coming one, over that between the last two; 0 without an older one.
+
+    interval : length of the coming step
+    """
+    if history.steps[1] == 0.0:
+        return 0.0
+    return (history.steps[0] + interval) / (history.steps[0] + history.steps[1])
+
+
+@njit(cache=True)
 def extrapolate(positions, history, labels, bodies, interval, out):
     """Positions (N, 3) after `interval`, every body turning as a whole.
 
@@ -143,7 +154,7 @@ def extrapolate(positions, history, labels, bodies, interval, out):
     turn, carry, carry_older = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     lag = 0.5 * history.steps[0]
     spacing = 0.5 * (history.steps[0] + history.steps[1])
-    share = (lag + 0.5 * interval) / spacing if history.steps[1] > 0.0 else 0.0
+    share = share_beyond(history, interval)
     mean, spin = np.empty(3), np.empty(3)
     for body in range(bodies):
         rigid_fit(history.positions[0], history.velocities[0], labels, body, last)

@@ -30,7 +30,7 @@ from mcdem.effects import contact_force, contact_gap, contact_pull_off_gap
 from mcdem.hydrodynamics import lagged, stokesian
 from mcdem.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
 from mcdem.stepping import moments
-from mcdem.stepping.bodies import extrapolate, label_bodies
+from mcdem.stepping.bodies import extrapolate, label_bodies, share_beyond
 from mcdem.stepping.contacts import add_non_contact_forces, contact_tangent
 from mcdem.stepping.state import (
     DONE,
@@ -207,7 +207,7 @@ def middle_geometry(motion, history, labels, bodies, gaps, step, options, work):
 
 
 @njit(cache=True, inline="always")
-def drive_at_middle(motion, flow, physics, labels, bodies, lag, work):
+def drive_at_middle(motion, flow, physics, labels, bodies, share, lag, work):
     """Resistance of the spheres and everything that drives them but contacts; 0 or an error code."""
     hydro = work.hydrodynamics
     code = lagged.far_field(
@@ -218,6 +218,7 @@ def drive_at_middle(motion, flow, physics, labels, bodies, lag, work):
         labels,
         bodies,
         flow.strain,
+        share,
         lag,
         physics.coupled,
         physics.stresslets,
@@ -269,6 +270,26 @@ def drive_torque_free(flow, work):
     for row in range(m):
         work.driving[row] += work.move[row]
     return 0
+
+
+@njit(cache=True)
+def learn_moments(motion, flow, step, work, torques):
+    """Tell the kept far field how the primaries moved in the step that was taken; torques : work of `moments` or None."""
+    if not work.kept.made[0]:
+        return
+    hydro, gradient, spin = work.hydrodynamics, flow.gradient, work.residual
+    for i in range(motion.radii.shape[0]):
+        for k in range(3):
+            work.move[3 * i + k] = motion.velocities[i, k] - (
+                gradient[k, 0] * work.middle[i, 0]
+                + gradient[k, 1] * work.middle[i, 1]
+                + gradient[k, 2] * work.middle[i, 2]
+            )
+    if torques is None:
+        stokesian.angular_velocities(hydro.resistance, hydro.drive, work.move, spin)
+    else:
+        moments.spins(gradient, step, torques, spin)
+    lagged.learn(work.kept, hydro, spin, work.move)
 
 
 @njit(cache=True)
@@ -477,7 +498,8 @@ def attempt(motion, history, flow, physics, options, log, gaps, work, bodies, st
             return NOT_CONVERGED
         middle_geometry(motion, history, work.labels, bodies, gaps, step, options, work)
         log.solves[0] += 1
-        code = drive_at_middle(motion, flow, physics, work.labels, bodies, options.far_field_lag, work)
+        share = share_beyond(history, step)
+        code = drive_at_middle(motion, flow, physics, work.labels, bodies, share, options.far_field_lag, work)
         if code != 0:
             if step > 1e-6 and not np.isfinite(work.middle.sum()):
                 return NOT_FINITE
@@ -528,11 +550,12 @@ def attempt(motion, history, flow, physics, options, log, gaps, work, bodies, st
         force, _ = contact_force(work.end_gaps[i, j], harmonic_radius(radii[i], radii[j]), jkr, dmt)
         note_tension(motion, log, i, j, -force, now)
     keep_springs(motion, kept, physics, work, motion.springs)
-    work.middle[:] = motion.positions
     for i in range(n):
         for k in range(3):
             motion.velocities[i, k] = (work.end[i, k] - motion.positions[i, k]) / step
-            motion.positions[i, k] = work.end[i, k]
+    learn_moments(motion, flow, step, work, work.moments)
+    work.middle[:] = motion.positions
+    motion.positions[:] = work.end
     remember(history, motion, work.middle, gaps, step)
     for i in range(n):
         for j in range(i):
@@ -543,6 +566,7 @@ def attempt(motion, history, flow, physics, options, log, gaps, work, bodies, st
                 changed = True
     if changed:
         forget_older(history)
+        lagged.forget(work.kept)
     log.time[0] = now
     log.steps[0] += 1
     return DONE

@@ -116,6 +116,15 @@ def drive(flow, work, moments):
 
 
 @njit(cache=True)
+def spins(gradient, step, moments, out):
+    """Angular velocities relative to the flow, out (3N,), over the step that was solved."""
+    for i in range(moments.turns.shape[0]):
+        out[3 * i] = moments.turns[i, 0] / step - 0.5 * (gradient[2, 1] - gradient[1, 2])
+        out[3 * i + 1] = moments.turns[i, 1] / step - 0.5 * (gradient[0, 2] - gradient[2, 0])
+        out[3 * i + 2] = moments.turns[i, 2] / step - 0.5 * (gradient[1, 0] - gradient[0, 1])
+
+
+@njit(cache=True)
 def resist(
     positions, end, radii, turns, springs, i, j, normal_force, linear, sliding, rolling, twisting, rods, pair
 ):

@@ -65,7 +65,7 @@ def advance_paper(motion, flow, physics, options, log, gaps, work, end_time):
     stokesian.measure(work.middle, hydro.directions, hydro.distances)
     work.gaps[:] = gaps
     log.solves[0] += 1
-    code = drive_at_middle(motion, flow, physics, work.labels, 0, 0.0, work)
+    code = drive_at_middle(motion, flow, physics, work.labels, 0, 0.0, 0.0, work)
     if code != 0:
         return code
     work.forces[:] = 0.0
