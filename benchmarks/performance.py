@@ -252,6 +252,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--run", type=Path, help="dataset of `mcdem run`, best with a steady population")
+    parser.add_argument("--scene", help="scene whose numerics are timed, instead of those of the run")
     parser.add_argument(
         "--starts", type=int, default=20, help="encounters also followed by the paper's scheme"
     )
