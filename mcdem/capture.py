@@ -74,8 +74,7 @@ def pair_efficiency(scene: Scene, rays: int = RAYS) -> PairEfficiency:
         raise UserError(f"rays = {rays}: expected an even number, at least 2")
     capture = Capture(scene)
     angles, weights = fejer(rays)
-    segments = [capture.segments(ray_at(angle), capture.lowest(angle)) for angle in angles]
-    by_ray = np.array([sum(out**3 - into**3 for into, out in found) for found in segments]) / 8.0
+    segments, by_ray = capture.along(angles)
     efficiency = float(weights @ by_ray)
     # Every second ray is a node of the rule with half as many.
     _, coarse = fejer(rays // 2)
@@ -190,6 +189,14 @@ class Capture:
                 f"followed: {result.reason}"
             )
         return result.outcome == "aggregation"
+
+    def along(
+        self, angles: NDArray[np.float64]
+    ) -> tuple[list[list[tuple[float, float]]], NDArray[np.float64]]:
+        """Captured stretches of the rays at `angles` (K,), and the share of the flux through each that is captured, (K,)."""
+        segments = [self.segments(ray_at(angle), self.lowest(angle)) for angle in angles]
+        share = np.array([sum(out**3 - into**3 for into, out in found) for found in segments]) / 8.0
+        return segments, share
 
     def segments(self, line: Line, lowest: float, highest: float = 2.0) -> list[tuple[float, float]]:
         """Captured stretches of a line between the distances `lowest` and `highest`; the first may reach to 0."""

@@ -19,7 +19,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 
 from mcdem import executors
 from mcdem.aggregate import Aggregate
-from mcdem.capture import Capture, fejer, ray_at
-from mcdem.encounter import OUTCOMES, simulate_encounter
+from mcdem.capture import Capture, fejer
+from mcdem.encounter import OUTCOMES, physics_of, simulate_encounter
 from mcdem.errors import UserError
 from mcdem.random_streams import stream
 from mcdem.runs import Run
@@ -122,9 +122,25 @@ Pair = tuple[Aggregate, Aggregate]
 
 
 def draw_pairs(scene: Scene, runs: Sequence[Path | str], count: int, seed: int) -> list[Pair]:
-    """Pairs of aggregates as they meet: from the late snapshots of runs, in proportion to (R_i + R_j)^3."""
+    """Pairs of aggregates as they meet: from the late snapshots of runs, in proportion to (R_i + R_j)^3.
+
+    Raises `UserError` for runs of other primaries, or whose populations have no two aggregates.
+    """
     radius, rng = scene.suspension.radius, stream(seed, "cost pairs")
-    populations = [run.aggregates(snapshot) for run in map(Run, runs) for snapshot in run.late_snapshots[-5:]]
+    populations: list[list[Aggregate]] = []
+    for path in runs:
+        run = Run(path)
+        if not np.isclose(run.scene.suspension.radius, radius, rtol=1e-6):
+            raise UserError(
+                f"{path}: its primaries have a radius of {run.scene.suspension.radius:g} m, those of {scene.name} "
+                f"{radius:g} m; expected a run of the same suspension"
+            )
+        populations += [run.aggregates(snapshot) for snapshot in run.late_snapshots[-5:]]
+    populations = [population for population in populations if len(population) > 1]
+    if not populations:
+        raise UserError(
+            f"{', '.join(map(str, runs))}: no late snapshot has two aggregates that could meet; take a larger sample volume"
+        )
     pairs: list[Pair] = []
     for _ in range(count):
         population = populations[rng.integers(len(populations))]
@@ -172,8 +188,24 @@ def _gyration(aggregates: Iterable[Aggregate], radius: float) -> float:
     return total / mass
 
 
+@cache
+def _warm() -> set[tuple[Any, ...]]:
+    """What this process has compiled or loaded: effects that are there, and the scheme."""
+    return set()
+
+
+def warm_up(scene: Scene, pair: Pair) -> None:
+    """Have the code of such a scene compiled before anything is timed in this process."""
+    _, physics = physics_of(scene)
+    signature = (*map(type, physics), scene.numerics.scheme)
+    if signature not in _warm():
+        simulate_encounter(scene, *pair, seed=0)
+        _warm().add(signature)
+
+
 def follow(scene: Scene, seed: int, number: int, pair: Pair) -> Sample:
     """Follow one encounter of the sample."""
+    warm_up(scene, pair)
     result = simulate_encounter(scene, *pair, seed=stream(seed, "cost encounter", number))
     radius = scene.suspension.radius
     sizes = np.array([a.size for a in result.products])
@@ -191,13 +223,9 @@ def efficiency(scene: Scene, rays: int) -> float:
     """eta_11 from `rays` directions, nan in a scene where nothing sticks."""
     if scene.effects.contact is None:
         return float("nan")
-    capture = Capture(scene)
     angles, weights = fejer(rays)
-    cubes = [
-        sum(out**3 - into**3 for into, out in capture.segments(ray_at(angle), capture.lowest(angle)))
-        for angle in angles
-    ]
-    return float(weights @ np.array(cubes)) / 8.0
+    _, share = Capture(scene).along(angles)
+    return float(weights @ share)
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +264,10 @@ def price(
     # The spread of a sum of absolute means, as if its largest term carried it.
     spread = outcome.std(axis=0, ddof=1).max() / np.sqrt(count) if count > 1 else np.inf
     errors, deviations = (
-        [abs(eta / eta_ref - 1.0), 0.5 * float(np.abs(outcome.mean(axis=0)).sum())],
+        [
+            abs(eta / eta_ref - 1.0) if eta_ref > 0.0 else float("nan"),
+            0.5 * float(np.abs(outcome.mean(axis=0)).sum()),
+        ],
         [0.0, spread],
     )
     for name in ("fragment", "geometry"):

@@ -48,6 +48,24 @@ def priced(name, time, error, deviation=0.0):
     )
 
 
+def test_without_a_reference_efficiency_there_is_no_error_of_it():
+    found = cost.price(cost.Setting("repelled", "x"), 0.0, REF, 0.0, REF)
+    assert np.isnan(found.error[0]) and not found.error[1:].any()
+
+
+def test_runs_of_other_primaries_are_refused():
+    smaller = PAPER.with_changes({"suspension.radius": "250 nm"})
+    with pytest.raises(UserError, match="expected a run of the same suspension"):
+        cost.draw_pairs(smaller, ["notebooks/data/small-1000Pa.nc"], 2, seed=0)
+
+
+def test_a_population_of_one_aggregate_is_refused(monkeypatch):
+    alone = [mcdem.Aggregate.monomer()]
+    monkeypatch.setattr(cost.Run, "aggregates", lambda self, snapshot: alone)
+    with pytest.raises(UserError, match="no late snapshot has two aggregates"):
+        cost.draw_pairs(PAPER, ["notebooks/data/small-1000Pa.nc"], 2, seed=0)
+
+
 def test_the_front_holds_what_nothing_beats():
     prices = [priced("a", 1.0, 0.5), priced("b", 2.0, 0.6), priced("c", 3.0, 0.1), priced("d", 4.0, 0.1)]
     assert [p.setting.name for p in cost.front(prices, lambda p: p.worst_sampled)] == ["a", "c"]

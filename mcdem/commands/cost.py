@@ -120,7 +120,7 @@ def cost(
             f"{max(p.deviation[1:].max() for p in prices):.2g}; take more, or a larger --error."
         )
     else:
-        changes = ", ".join(f"{k} = {v:g}" for k, v in best.setting.changes.items()) or "the scene as it is"
+        changes = ", ".join(f"{k} = {v}" for k, v in best.setting.changes.items()) or "the scene as it is"
         out.print(
             f"Cheapest within {error:g}: {best.setting.name} ({changes}), {1e3 * best.cpu_time:.1f} ms an encounter, "
             f"{prices[0].cpu_time / best.cpu_time:.1f} times less than the reference."
