@@ -331,6 +331,29 @@ def test_the_line_by_line_verdict_is_that_of_the_row():
         assert ("still changes" in found.why) == unsettled
 
 
+def test_a_saved_table_of_costs_is_read_as_written(tmp_path):
+    from mcdem.commands.cost import write
+    from mcdem.cost import Price, Setting
+    from validation import datasets
+
+    price = Price(Setting("as given", "as given"), np.arange(4.0), np.arange(4.0) / 8, 0.25, 30.0, 0.5)
+    write([price], tmp_path / "cost.csv")
+    (row,) = datasets.prices(tmp_path / "cost.csv")
+    assert (row["setting"], row["cpu_time_s"], row["error_eta_11"]) == ("as given", 0.25, 0.0)
+    assert (row["error_geometry"], row["standard_error_geometry"]) == (3.0, 3 / 8)
+
+
+def test_the_peers_numbers_are_of_the_spheres_that_are_compared():
+    from validation.cases import peer_pecnut
+
+    kept = json.loads(peer_pecnut.KEPT.read_text())["velocities"]
+    for positions, (shipped, turned) in zip(peer_pecnut.configurations(), kept, strict=True):
+        x = np.array(positions)
+        flow = x[:, [1]] * [0.0, 0.0, 1.0]
+        # The disturbance changes sign with the strain, whatever the spheres; the ambient flow does not.
+        np.testing.assert_allclose(np.array(shipped) - flow, flow - np.array(turned), atol=1e-6)
+
+
 # Shapes and statics that cases of breakup rest on
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,5 +35,14 @@ def _whole(path: Path) -> bool:
 
 
 def checkout(context: Context) -> tuple[Path, ...]:
-    """The checkout of Pecnut/stokesian-dynamics, if it is given."""
-    return (context.given.pecnut,) if context.given.pecnut else ()
+    """The checkout of Pecnut/stokesian-dynamics and its sources, if it is given."""
+    root = context.given.pecnut
+    return (root, *sorted((root / "stokesian_dynamics" / "functions").glob("*.py"))) if root else ()
+
+
+def prices(path: Path) -> list[dict[str, float | str]]:
+    """Rows of a table of `mcdem cost`, numbers as numbers."""
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    words = ("setting", "knob")
+    return [{k: v if k in words else float(v) for k, v in row.items()} for row in rows]

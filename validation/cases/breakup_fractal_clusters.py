@@ -12,7 +12,7 @@ from validation.case import Case, Context, Findings, Verdict, below, cannot_say,
 DIMENSION = 1.8
 DOUBLINGS, QUICK = (3, 4, 5, 6), (3, 4, 5)
 CLUSTERS, QUICK_CLUSTERS = 6, 4
-OPEN = "not yet measured: contacts that resist sliding, rolling and twisting are followed, but no clusters broken here"
+OPEN = "not yet measured: contacts that resist sliding, rolling and twisting are followed, but no cluster was broken here"
 
 
 def parts(context: Context):

@@ -1,0 +1,97 @@
+"""What accuracy costs in time at 1000 Pa, from a saved table of `mcdem cost`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mcdem.figures.style import BLACK, BLUE, GREY, VERMILION, canvas, legend
+from validation import datasets
+from validation.case import Case, Context, Findings, above, below, shown
+
+SAVED = Path(__file__).parent.parent / "data" / "cost-1000Pa.csv"
+"""Made by the command that validation/data/README.md tells."""
+SAMPLED = ("outcome", "fragment", "geometry")
+FLOOR = 1e-5
+"""Errors below are drawn here."""
+
+
+def measure(context: Context):
+    return datasets.prices(SAVED)
+
+
+def surely(row, quantity: str) -> float:
+    """By how much a sampled mean is off beyond two standard errors; 0 where it cannot be told from the reference."""
+    return max(row[f"error_{quantity}"] - 2.0 * row[f"standard_error_{quantity}"], 0.0)
+
+
+def judge(context: Context, rows):
+    named = {row["setting"]: row for row in rows}
+    reference, given = named["reference"], named["as given"]
+    steps = sorted((row for row in rows if row["knob"] == "max_step"), key=lambda row: row["cpu_time_s"])
+    checks = [
+        below("as given: relative error of eta_11", given["error_eta_11"], 0.005),
+        *(below(f"as given: error of {name} beyond two standard errors", surely(given, name), 0.02) for name in SAMPLED),
+        below("as given: time over that of the reference", given["cpu_time_s"] / reference["cpu_time_s"], 0.25),
+        above("coarsest step: error of eta_11 over that as given", steps[0]["error_eta_11"] / given["error_eta_11"], 2.0),
+        below("finest step: error of eta_11 over that as given", steps[-1]["error_eta_11"] / given["error_eta_11"], 0.75),
+    ]  # fmt: skip
+    for row in rows:
+        told = ", ".join(
+            f"{name} {row[f'error_{name}']:.2g} ± {row[f'standard_error_{name}']:.1g}" for name in SAMPLED
+        )
+        checks.append(shown(f"{row['setting']}: time of an encounter", 1e3 * row["cpu_time_s"], unit="ms",
+                            why=f"eta_11 off by {row['error_eta_11']:.2g}; {told}"))  # fmt: skip
+
+    def draw():
+        figure, axes = canvas(width=4.8, height=2.9)
+        others = [row for row in rows if row is not reference]
+        time, error = ([row[name] for row in others] for name in ("cpu_time_s", "error_eta_11"))
+        time, error = [1e3 * t for t in time], [max(e, FLOOR) for e in error]
+        axes.loglog(time, error, "o", ms=4, mfc="none", color=BLUE)
+        front = [k for k in range(len(time)) if not any(
+            t <= time[k] and e <= error[k] and (t, e) != (time[k], error[k]) for t, e in zip(time, error)
+        )]  # fmt: skip
+        front.sort(key=lambda k: time[k])
+        axes.step(
+            [time[k] for k in front],
+            [error[k] for k in front],
+            where="post",
+            color=BLACK,
+            lw=0.8,
+            label="front",
+        )
+        for k in front:
+            axes.annotate(
+                others[k]["setting"], (time[k], error[k]), (3, 3), textcoords="offset points", fontsize=5
+            )
+        axes.loglog(
+            1e3 * given["cpu_time_s"],
+            max(given["error_eta_11"], FLOOR),
+            "*",
+            ms=8,
+            color=VERMILION,
+            label="as given",
+        )
+        axes.axvline(1e3 * reference["cpu_time_s"], color=GREY, lw=0.8, ls=":", label="reference")
+        axes.set(xlabel="CPU time of an encounter (ms)", ylabel="relative error of η₁₁")
+        legend(axes)
+        return figure
+
+    return Findings(
+        tuple(checks),
+        draw,
+        "Error of the pair efficiency against the time of an encounter, setting by setting.",
+    )
+
+
+CASE = Case(
+    chapter=8,
+    claim="The default settings are exact to half a per cent in eta_11, cannot be told from the reference in what encounters "
+    "leave, and take less than a quarter of its time; a coarser step is worse, a finer one better.",
+    source="`mcdem cost` at 1000 Pa on a population of a run; saved in validation/data, whose README tells the command",
+    tolerance="0.5 % of eta_11, within its own error; sampled means by two standard errors; times to a quarter: machines differ",
+    measure=measure,
+    judge=judge,
+    inputs=lambda context: (SAVED,),
+    seen=("coarse_default",),
+)
