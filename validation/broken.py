@@ -17,10 +17,11 @@ import numpy as np
 def _change_physics(change: Callable) -> contextlib.ExitStack:
     """Every encounter and every velocity sees (flow, physics) as `change` makes them."""
     from mcdem import encounter, free_spheres
+    from validation.hard_cases import watch
 
     intact = encounter.physics_of
     stack = contextlib.ExitStack()
-    for module in (encounter, free_spheres):
+    for module in (encounter, free_spheres, watch):
         stack.enter_context(
             mock.patch.object(module, "physics_of", lambda scene: change(scene, *intact(scene)))
         )
@@ -63,6 +64,18 @@ def distances_long() -> Iterator[None]:
     intact = free_spheres.solve_velocities
     with mock.patch.object(
         free_spheres, "solve_velocities", lambda work, positions, *rest: intact(work, 1.05 * positions, *rest)
+    ):
+        yield
+
+
+@contextlib.contextmanager
+def distances_double() -> Iterator[None]:
+    """Free spheres feel each other as if they were twice as far apart."""
+    from mcdem import free_spheres
+
+    intact = free_spheres.solve_velocities
+    with mock.patch.object(
+        free_spheres, "solve_velocities", lambda work, positions, *rest: intact(work, 2.0 * positions, *rest)
     ):
         yield
 
@@ -231,6 +244,7 @@ WAYS: dict[str, Callable[[], contextlib.AbstractContextManager]] = {
         no_lubrication,
         delta_moved,
         distances_long,
+        distances_double,
         weak_attraction,
         weak_contacts,
         torque_sign,

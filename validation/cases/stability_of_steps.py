@@ -104,4 +104,5 @@ CASE = Case(
     measure=measure,
     judge=judge,
     inputs=lambda context: (stability_map.KEPT,),
+    seen=("delta_moved",),
 )

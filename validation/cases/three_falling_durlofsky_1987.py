@@ -84,6 +84,6 @@ CASE = Case(
     "differences grow",
     measure=measure,
     judge=judge,
-    seen=("distances_long",),
+    seen=("distances_double",),
     inputs=lambda context: (DIGITISED,),
 )
