@@ -184,7 +184,7 @@ class Refused:
         try:
             self.attempt(load_scene(PAPER))
         except UserError as problem:
-            told = str(problem)
+            told = str(problem).replace(f"{PAPER.parent}/", "")
             margin = 1.0 if self.says in told and "\n" not in told else -1.0
         else:
             told, margin = "nothing was refused", -1.0
