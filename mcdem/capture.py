@@ -145,7 +145,7 @@ def attraction_number(scene: Scene) -> float:
 
 def initial_growth(scene: Scene, efficiency: float) -> float:
     """d<P>/dt [1/s] of a suspension of primaries, (4/pi) eta_11 phi g (Frungieri & Vanni 2021, Eq. 22)."""
-    return 4.0 / math.pi * efficiency * scene.suspension.volume_fraction * scene.flow.shear_rate
+    return 4.0 / math.pi * efficiency * scene.suspension.volume_fraction * scene.flow.equivalent_shear_rate
 
 
 Line = Callable[[float], tuple[float, float]]
@@ -156,6 +156,11 @@ class Capture:
     """Which offsets end in a doublet.  Lengths in primary radii."""
 
     def __init__(self, scene: Scene):
+        if scene.flow.kind != "simple_shear":
+            raise UserError(
+                f"{scene.name}: eta_11 is an integral over the offsets of simple shear, the scene has flow.kind = "
+                f'"{scene.flow.kind}": count the outcomes of drawn encounters instead (mcdem run)'
+            )
         if scene.effects.contact is None:
             raise UserError(
                 f"{scene.name}: no law of contact, so nothing sticks and eta_11 has no meaning: add [effects.jkr] or "

@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from mcdem.inflow import gradient
+
 if TYPE_CHECKING:
     from mcdem.scene import Scene
 
@@ -99,8 +101,8 @@ def _holding(scene: Scene) -> Iterator[Finding]:
         adhesion = contact.kernel(scene).pull_off_force
         cohesion = 1.0 / adhesion
         name = "cohesion number 6 pi mu a^2 g/F_adh"
-        # A touching doublet is pulled apart with at most 6.12 pi mu a^2 g.
-        doublet = 6.12 / 6.0 * cohesion
+        # A touching doublet is pulled apart with at most 6.12 pi mu a^2 g in simple shear, whose strain stretches at g/2.
+        doublet = 6.12 / 6.0 * cohesion * 2.0 * stretching(scene)
         if doublet > 1.0:
             words = f"the flow parts even doublets (pull {doublet:.2g} F_adh): no aggregate lasts"
             yield Finding(name, cohesion, "warning", words)
@@ -221,7 +223,9 @@ def _capture(scene: Scene) -> Iterator[Finding]:
         36.0 * math.pi * scene.flow.viscosity * scene.flow.shear_rate * a**3
     )
     name = "attraction number C_A = A_H/(36 pi mu g a^3)"
-    if attraction < 1e-4:
+    if scene.flow.kind != "simple_shear":
+        yield Finding(name, attraction, "note", "laws of eta_11 are of simple shear: count drawn encounters")
+    elif attraction < 1e-4:
         words = "eta_11 is below the range of the law 0.95 C_A^0.18 (above 1e-4): compute it"
         yield Finding(name, attraction, "note", words)
     else:
@@ -298,10 +302,17 @@ def _frozen_matrix(scene: Scene) -> Iterator[Finding]:
 
 def _dilution(scene: Scene) -> Iterator[Finding]:
     """Encounters are binary: each must be over before the next begins."""
+    flow = scene.flow
     # Each primary meets 8 phi g/pi others in unit time at the start (Eq. 2 over N/2 pairs each).
-    between = math.pi / (8.0 * scene.suspension.volume_fraction)
-    # Mean approach z0/y0 over the flux is 3 pi/4 of start_distance; then the rotations of Eq. 21.
-    length = 3.0 * math.pi / 4.0 * scene.numerics.start_distance + 4.0 * math.pi * scene.numerics.rotations
+    between = (
+        math.pi / (8.0 * scene.suspension.volume_fraction) * flow.shear_rate / flow.equivalent_shear_rate
+    )
+    # Mean approach z0/y0 over the flux is 3 pi/4 of start_distance; where the flow stretches it is about its logarithm.
+    approach = 3.0 * math.pi / 4.0 * scene.numerics.start_distance
+    if flow.kind != "simple_shear":
+        approach = min(approach, (1.0 + math.log(scene.numerics.start_distance)) / stretching(scene))
+    # Then the rotations of Eq. 21.
+    length = approach + 4.0 * math.pi * scene.numerics.rotations
     ratio = length / between
     name = "simulated time of an encounter over the time between two"
     told = f"strain {length:.0f} against {between:.0f}, phi = {scene.suspension.volume_fraction:g}"
@@ -347,6 +358,14 @@ def _numerics(scene: Scene) -> Iterator[Finding]:
     if numerics.start_distance < 3.0:
         words = "encounters start where the aggregates already feel each other (below 3)"
         yield Finding("start distance over R_i + R_j", numerics.start_distance, "note", words)
+
+
+def stretching(scene: Scene) -> float:
+    """Largest rate of stretching over g: 1/2 in simple shear."""
+    import numpy as np
+
+    G = gradient(scene.flow)
+    return float(np.linalg.eigvalsh(0.5 * (G + G.T))[-1])
 
 
 def tabor_number(radius: float, work: float, modulus: float, reach: float) -> float:

@@ -2,7 +2,7 @@
 
 Frungieri & Vanni 2021, sections 2.1 and 2.2.3.  Aggregate i rests at the origin; j starts upstream inside the
 circle of radius R_i + R_j with the flux of the undisturbed flow, both in random orientations, and all their
-primaries are followed for the time of Eq. 21.
+primaries are followed for the time of Eq. 21.  Flows other than simple shear: `inflow`.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ import math
 import time
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import threadpoolctl
 
+from mcdem import inflow
 from mcdem.aggregate import Aggregate, split
 from mcdem.errors import UserError
 from mcdem.hydrodynamics.far_field import tensor_to_five
@@ -102,8 +103,7 @@ class EncounterResult:
 @lru_cache(maxsize=32)
 def physics_of(scene: Scene) -> tuple[state.Flow, state.Physics]:
     """The compiled code's view of a scene: flow and effects in reduced units, absent effects None."""
-    gradient = np.zeros((3, 3))
-    gradient[2, 1] = 1.0
+    gradient = inflow.gradient(scene.flow)
     strain = 0.5 * (gradient + gradient.T)
     five = np.empty(5)
     tensor_to_five(strain, five)
@@ -125,7 +125,8 @@ def physics_of(scene: Scene) -> tuple[state.Flow, state.Physics]:
         twisting=kernels.twisting,
         rods=kernels.rods,
     )
-    return state.Flow(gradient, strain, five), physics
+    centred: Literal[True] | None = None if scene.flow.kind == "simple_shear" else True
+    return state.Flow(gradient, strain, five, centred), physics
 
 
 @lru_cache(maxsize=32)
@@ -177,23 +178,25 @@ def _linear_algebra() -> threadpoolctl.ThreadpoolController:
     return threadpoolctl.ThreadpoolController()
 
 
-def draw_offset(reach: float, rng: np.random.Generator) -> tuple[float, float]:
-    """Where the centre of j crosses the circle of radius `reach` [m], by the flux g y (paper, Fig. 3).
+def start_of(
+    scene: Scene, reach: float, offset: tuple[float, float]
+) -> tuple[NDArray[np.float64], float, bool]:
+    """(centre of j at the start (3,) [m], g t_sim, whether the approach was cut) for an offset [m].
 
-    By symmetry y > 0; the density of x is uniform and that of y linear, inside the circle.
+    g t_sim is the strain of the approach to the nearest point, |z0|/|y0| in simple shear, at most `longest_approach`, and
+    4 pi N_rot (Eq. 21).
     """
-    while True:
-        x = reach * (2.0 * rng.random() - 1.0)
-        y = reach * math.sqrt(rng.random())
-        if x * x + y * y <= reach * reach and y > 0.0:
-            return x, y
-
-
-def simulated_strain(scene: Scene, z0: float, y0: float) -> tuple[float, bool]:
-    """(g t_sim of Eq. 21, whether the approach was cut): |z0|/|y0| + 4 pi N_rot, the approach at most `longest_approach`."""
-    longest = scene.numerics.longest_approach
-    approach = abs(z0) / abs(y0) if y0 != 0.0 else math.inf
-    return min(approach, longest) + 4.0 * math.pi * scene.numerics.rotations, approach > longest
+    numerics = scene.numerics
+    if scene.flow.kind == "simple_shear":
+        x0, y0 = offset
+        z0 = -math.copysign(numerics.start_distance * reach, y0)
+        start = np.array([x0, y0, z0])
+        approach = abs(z0) / abs(y0) if y0 != 0.0 else math.inf
+    else:
+        entry = inflow.entry_of(scene.flow, reach, offset)
+        start, approach = inflow.upstream(inflow.gradient(scene.flow), entry, numerics.start_distance * reach)
+    longest = numerics.longest_approach
+    return start, min(approach, longest) + 4.0 * math.pi * numerics.rotations, approach > longest
 
 
 def simulate_encounter(
@@ -208,7 +211,7 @@ def simulate_encounter(
     """Follow one encounter to its end.
 
     aggregate_i, aggregate_j : an `Aggregate`, or positions (P, 3) [m] whose contacts are read off the gaps
-    offset : (x0, y0) [m] of j's centre at the start; drawn by the flux through the circle of R_i + R_j if None
+    offset : (x0, y0) [m] of j's centre at the start, in other flows as `inflow` says; drawn by the flux if None
     seed : of the orientations and the offset
     record : keeps the course of the encounter
     orient : False leaves the aggregates in the orientations given
@@ -224,29 +227,30 @@ def simulate_encounter(
         pair = [a.turned(rng) for a in pair]
     radius, units = scene.suspension.radius, scene.reduced
     reach = sum(a.outer_radius(radius) for a in pair)
-    x0, y0 = draw_offset(reach, rng) if offset is None else (float(offset[0]), float(offset[1]))
+    x0, y0 = (
+        inflow.draw_offset(scene.flow, reach, rng) if offset is None else (float(offset[0]), float(offset[1]))
+    )
     if not (math.isfinite(x0) and math.isfinite(y0)):
         raise UserError(f"offset: ({x0}, {y0}) m, expected two finite lengths in metres")
-    z0 = -math.copysign(scene.numerics.start_distance * reach, y0)
+    start, strain, cut = start_of(scene, reach, (x0, y0))
     # In the order of rows whatever the parents' layout: the compiled code exists for one layout only.
-    positions = np.ascontiguousarray(np.concatenate([pair[0].positions, pair[1].positions + [x0, y0, z0]]))
+    positions = np.ascontiguousarray(np.concatenate([pair[0].positions, pair[1].positions + start]))
     sizes = [a.size for a in pair]
     bonded = np.zeros((sum(sizes), sum(sizes)), bool)
     bonded[: sizes[0], : sizes[0]] = pair[0].contact_network()
     bonded[sizes[0] :, sizes[0] :] = pair[1].contact_network()
     parent = np.repeat([0, 1], sizes)
-    strain, cut = simulated_strain(scene, z0, y0)
+    flow, physics = physics_of(scene)
 
     motion = state.Motion(
         positions / units.length,
-        (positions[:, [1]] / units.length) * np.array([0.0, 0.0, 1.0]),
+        (positions / units.length) @ flow.gradient.T,
         bonded.copy(),
         np.full(bonded.shape, -np.inf),
         np.ones(sum(sizes)),
         parent,
         springs_of(pair) if scene.effects.resisting else None,
     )
-    flow, physics = physics_of(scene)
     implicit, paper = scheme_of(scene)
     log = state.new_log()
     frames = new_frames(record.interval, strain, sum(sizes)) if record is not None else None
@@ -271,7 +275,7 @@ def simulate_encounter(
     if reason:
         outcome, products = "unresolved", tuple(pair)
         members = (np.arange(sizes[0]), np.arange(sizes[0], sum(sizes)))
-        centres = np.array([[0.0, 0.0, 0.0], [x0, y0, z0]])
+        centres = np.array([np.zeros(3), start])
         kept = motion.positions * units.length
     else:
         members = tuple(split(motion.bonded))

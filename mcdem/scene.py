@@ -20,6 +20,7 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from mcdem.effects import Effects
 from mcdem.errors import SceneError
+from mcdem.inflow import inflow_constant
 from mcdem.table import Key, Table, explain, keys, written
 from mcdem.units import (
     NonNegativeDimensionless,
@@ -45,19 +46,44 @@ class Suspension(Table):
 
 
 class Flow(Table):
-    """The undisturbed flow: u = (0, 0, g y), with gradient along y and vorticity along x.
+    """The undisturbed flow: simple shear u = (0, 0, g y), with gradient along y and vorticity along x, or another linear flow.
 
     The file gives exactly two of `shear_rate`, `viscosity` and `shear_stress`; the third follows.
     """
 
-    kind: Literal["simple_shear"] = "simple_shear"
-    """Which steady linear flow."""
+    kind: Literal["simple_shear", "planar", "planar_extension", "uniaxial_extension", "biaxial_extension"] = (
+        "simple_shear"
+    )
+    """"simple_shear": u = g (0, 0, y); "planar": u = g (0, alpha z, y); "planar_extension": the same with alpha = 1;
+    "uniaxial_extension": u = g (-x/2, -y/2, z), stretching along z; "biaxial_extension": the reverse."""
+    alpha: Annotated[PositiveDimensionless, Field(le=1.0)] | None = None
+    """Share of extension in a planar flow, between simple shear (0) and planar extension (1); its kind alone has it."""
     shear_rate: PositiveRate = FROM_THE_OTHERS
-    """Shear rate g."""
+    """Rate g of the flow: the shear rate, or in extension the rate of stretching."""
     viscosity: PositiveViscosity = FROM_THE_OTHERS
     """Viscosity mu of the medium."""
     shear_stress: PositiveStress = FROM_THE_OTHERS
     """Shear stress mu g of the undisturbed flow."""
+
+    @property
+    def extension_share(self) -> float:
+        """alpha of a planar flow."""
+        if self.alpha is not None:
+            return self.alpha
+        return 1.0 if self.kind == "planar_extension" else 0.0
+
+    @property
+    def equivalent_shear_rate(self) -> float:
+        """Shear rate [1/s] of the simple shear in which aggregates meet as often."""
+        return self.shear_rate * (0.75 * inflow_constant(self))
+
+    @model_validator(mode="after")
+    def _alpha_is_of_planar_flows(self) -> Self:
+        if self.kind == "planar" and self.alpha is None:
+            raise ValueError('kind = "planar" needs alpha, its share of extension: above 0 and up to 1')
+        if self.kind != "planar" and self.alpha is not None:
+            raise ValueError(f'kind = "{self.kind}" has no alpha: remove it, or use kind = "planar"')
+        return self
 
     @model_validator(mode="after")
     def _two_give_the_third(self) -> Self:
@@ -207,6 +233,21 @@ class Scene(Table):
     numerics: Numerics = Field(default_factory=Numerics)
     population: Population = Field(default_factory=Population)
     run: Run = Field(default_factory=Run)
+
+    @model_validator(mode="after")
+    def _shortcuts_and_scheme_suit_the_flow(self) -> Self:
+        if self.flow.kind == "simple_shear":
+            return self
+        if self.numerics.scheme == "paper":
+            raise ValueError(
+                f'numerics.scheme = "paper" is one for simple shear: use "implicit" with flow.kind = "{self.flow.kind}"'
+            )
+        if self.numerics.separation == 0.0:
+            raise ValueError(
+                f"numerics.separation = 0 follows parts that recede together, and in {self.flow.kind} they recede "
+                "exponentially: give a positive one"
+            )
+        return self
 
     @model_validator(mode="after")
     def _paper_scheme_has_no_resistances(self) -> Self:

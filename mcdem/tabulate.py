@@ -378,6 +378,10 @@ def _classes(scene, runs, reused, shape, shapes, seed) -> KernelTable:
             'the runs recorded no aspect ratios (they are of an older version): use --shape "outer radius", or run again'
         )
     flow = scene.flow
+    if flow.kind != "simple_shear":
+        raise UserError(
+            f'{scene.name}: a table for the balance counts meetings in simple shear, the scene has flow.kind = "{flow.kind}"'
+        )
     about = {
         "scene": scene.text,
         "scene_name": scene.name,

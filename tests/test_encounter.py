@@ -14,8 +14,9 @@ from shapes import stack_of_octahedra, tetrahedron
 
 import mcdem
 from mcdem.effects import contact_force
-from mcdem.encounter import OUTCOMES, classify, draw_offset
+from mcdem.encounter import OUTCOMES, classify
 from mcdem.errors import UserError
+from mcdem.inflow import draw_offset
 from mcdem.stepping.integrate import integrate
 from mcdem.stepping.march import march
 from validation.exact import two_spheres
@@ -284,7 +285,7 @@ def test_offsets_follow_the_flux():
     20 000 draws; Kolmogorov-Smirnov at 0.1 %, which sees a shift of either distribution by 0.014.
     """
     rng = np.random.default_rng(11)
-    x, y = np.array([draw_offset(3.0, rng) for _ in range(20_000)]).T
+    x, y = np.array([draw_offset(PAPER.flow, 3.0, rng) for _ in range(20_000)]).T
     r = np.hypot(x, y)
     assert r.max() <= 3.0 and y.min() > 0.0
     assert stats.kstest((r / 3.0) ** 3, "uniform").pvalue > 1e-3
@@ -294,7 +295,7 @@ def test_offsets_follow_the_flux():
 def test_drawn_encounters_use_that_law():
     scene = PAPER.with_changes({"numerics.rotations": 0})
     drawn = mcdem.simulate_encounter(scene, MONOMER, MONOMER, seed=5).offset
-    assert drawn == draw_offset(2.0 * RADIUS, np.random.default_rng(5))
+    assert drawn == draw_offset(PAPER.flow, 2.0 * RADIUS, np.random.default_rng(5))
 
 
 @pytest.mark.parametrize("y0", [0.5, -0.5, 1.3])

@@ -33,3 +33,20 @@ def test_the_double_layer_keeps_pairs_apart_that_attract_each_other_without_it(t
     assert [one.outcome for one in found] == ["missed", "aggregation"]
     run(scene, tmp_path / "run.nc", events=3, workers=1)
     assert (Run(tmp_path / "run.nc").outcome == "missed").all()
+
+
+@pytest.mark.slow
+def test_uniaxial_extension_differs_from_the_paper_in_its_flow_alone_and_runs(tmp_path):
+    scene, paper = (mcdem.load_scene(SCENES / f"{name}.toml") for name in ("uniaxial-extension", "paper-1000Pa"))
+    assert scene == paper.with_changes(
+        {"flow.kind": "uniaxial_extension", "flow.shear_rate": "5e3 1/s"}
+    )
+    result = mcdem.simulate_encounter(scene, MONOMER, MONOMER, offset=(0.0, 0.1 * scene.suspension.radius))
+    assert result.outcome == "aggregation"
+    axis = result.products[0].positions[1] - result.products[0].positions[0]
+    assert abs(axis[2]) > 0.999999 * np.linalg.norm(axis)
+    # A touching doublet along the axis is pulled by 12.24 pi mu a^2 E (Nir & Acrivos 1973), that cut off at delta a little less.
+    pull = 12.24 / 6.0 * scene.reduced.force
+    assert result.largest_tension == pytest.approx(pull, rel=0.05)
+    run(scene, tmp_path / "run.nc", events=6, workers=1)
+    assert (Run(tmp_path / "run.nc").outcome != "unresolved").all()

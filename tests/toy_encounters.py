@@ -9,7 +9,8 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from mcdem.aggregate import Aggregate
-from mcdem.encounter import EncounterResult, classify, draw_offset
+from mcdem.encounter import EncounterResult, classify
+from mcdem.inflow import draw_offset
 
 CRITICAL = 22
 
@@ -53,7 +54,7 @@ def toy_encounter(scene, first, second, offset=None, seed=None, **_):
     rng = np.random.default_rng(seed)
     a, rate = scene.suspension.radius, scene.flow.shear_rate
     reach = first.outer_radius(a) + second.outer_radius(a)
-    offset = draw_offset(reach, rng) if offset is None else offset
+    offset = draw_offset(scene.flow, reach, rng) if offset is None else offset
     hit = rng.random() < 0.9 * (1 - np.hypot(*offset) / reach)
     total = first.size + second.size
     contact, bond_loss, tension = hit, np.nan, 0.3e-8 * rng.gamma(3.0) * total / 30

@@ -1,7 +1,8 @@
 """Which two aggregates meet next, and when (choose one).
 
 Each pair (i, j) meets at the rate f_ij = (4/3) g (R_i + R_j)^3 / Delta V (Frungieri & Vanni, Eq. 2), so the encounters
-are competing Poisson processes.  Both ways here sample exactly that law:
+are competing Poisson processes; in other flows than simple shear, g is that of one in which they meet as often.
+Both ways here sample exactly that law:
 
 - `clocks`: thinned proposals that do not depend on what the places hold, so that those ahead are known; the default.
 - `inversion`: the paper's own Eqs. 3-6 over the table of all pairs; the slow twin.
@@ -90,7 +91,7 @@ def pair_selection(
     from mcdem.pair_selection.inversion import Inversion
 
     way: type[Clocks] | type[Inversion] = Clocks if scene.numerics.pair_selection == "clocks" else Inversion
-    return way(population, scene.flow.shear_rate, seed, state)
+    return way(population, scene.flow.equivalent_shear_rate, seed, state)
 
 
 def encounter_rate(shear_rate: float, volume: float) -> float:

@@ -33,6 +33,19 @@ def add_non_contact_forces(forces, directions, gaps, bonded, radii, van_der_waal
 
 
 @njit(cache=True)
+def stay_at_mean(velocities, centred):
+    """Take their mean from the undisturbed velocities (3N,) where the (linear) flow is seen from the primaries' mean."""
+    if centred is not None:
+        n = velocities.shape[0] // 3
+        for k in range(3):
+            mean = 0.0
+            for i in range(n):
+                mean += velocities[3 * i + k]
+            for i in range(n):
+                velocities[3 * i + k] -= mean / n
+
+
+@njit(cache=True)
 def contact_tangent(positions, end, radii, gaps, i, j, first, fallback, jkr, dmt, normal):
     """The force of a contact at the end of a step and how Newton's method takes it; fills its direction `normal` (3,).
 

@@ -31,7 +31,7 @@ from mcdem.hydrodynamics import lagged, stokesian
 from mcdem.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
 from mcdem.stepping import moments
 from mcdem.stepping.bodies import extrapolate, label_bodies, share_beyond
-from mcdem.stepping.contacts import add_non_contact_forces, contact_tangent
+from mcdem.stepping.contacts import add_non_contact_forces, contact_tangent, stay_at_mean
 from mcdem.stepping.state import (
     DONE,
     NOT_CONVERGED,
@@ -266,6 +266,7 @@ def drive_torque_free(flow, work):
                 + flow.gradient[k, 2] * work.middle[i, 2]
             )
             work.driving[3 * i + k] = hydro.drive[m + 3 * i + k] + work.forces[i, k]
+    stay_at_mean(work.residual, flow.centred)
     multiply_symmetric(matrix, work.residual, work.move)
     for row in range(m):
         work.driving[row] += work.move[row]
@@ -280,11 +281,15 @@ def learn_moments(motion, flow, step, work, torques):
     hydro, gradient, spin = work.hydrodynamics, flow.gradient, work.residual
     for i in range(motion.radii.shape[0]):
         for k in range(3):
-            work.move[3 * i + k] = motion.velocities[i, k] - (
+            work.residual[3 * i + k] = (
                 gradient[k, 0] * work.middle[i, 0]
                 + gradient[k, 1] * work.middle[i, 1]
                 + gradient[k, 2] * work.middle[i, 2]
             )
+    stay_at_mean(work.residual, flow.centred)
+    for i in range(motion.radii.shape[0]):
+        for k in range(3):
+            work.move[3 * i + k] = motion.velocities[i, k] - work.residual[3 * i + k]
     if torques is None:
         stokesian.angular_velocities(hydro.resistance, hydro.drive, work.move, spin)
     else:

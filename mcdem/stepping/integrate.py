@@ -241,12 +241,14 @@ def roll_on(part: Motion, members, body: RigidBody, centre, course: Course, limi
     """Turn a rigid part until the end or until its load exceeds `limit`; whether it reached the end."""
     flow, turn = course.flow, np.eye(3)
     springs = None if part.springs is None else part.springs.copy()
-    stopped = False
+    stopped, home = False, centre.copy()
     while not stopped and course.now < course.end - 1e-12:
         duration = min(course.end, course.next_frame) - course.now
         elapsed, load, stopped = tumble(
             body, turn, centre, flow.gradient, flow.strain, duration, RIGID_STEP, limit
         )
+        if flow.centred is not None:
+            centre[:] = home
         course.skip(elapsed)
         note_load(course.log, body, load)
         place(part, body, turn, centre, flow.gradient, springs)

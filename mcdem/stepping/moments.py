@@ -21,7 +21,7 @@ from numba import njit
 from mcdem.effects import contact_force, contact_resistance
 from mcdem.effects.tangential import carry, relative_turns, spread, turn_map
 from mcdem.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
-from mcdem.stepping.contacts import contact_tangent
+from mcdem.stepping.contacts import contact_tangent, stay_at_mean
 from mcdem.stepping.state import NOT_CONVERGED, harmonic_radius
 
 # Largest move of a sphere, or turn, by which an iteration is settled: springs slip from 1e-4 a on.
@@ -106,6 +106,7 @@ def drive(flow, work, moments):
                 + gradient[k, 1] * work.middle[i, 1]
                 + gradient[k, 2] * work.middle[i, 2]
             )
+    stay_at_mean(ambient[m:], flow.centred)
     multiply_symmetric(hydro.resistance, ambient, moments.driving)
     for row in range(2 * m):
         moments.driving[row] += hydro.drive[row]

@@ -49,6 +49,8 @@ class Flow(NamedTuple):
     gradient: np.ndarray  # (3, 3)
     strain: np.ndarray  # (3, 3) its symmetric part
     strain_five: np.ndarray  # (5,) the same in the basis of `far_field`
+    # Whether what moves together is seen from its mean: where the flow stretches, it would be carried away exponentially.
+    centred: Literal[True] | None = None
 
 
 class Physics(NamedTuple):

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import mcdem
-from mcdem.encounter import draw_offset
+from mcdem.inflow import draw_offset
 
 COUNT = 32
 SMALLEST, LARGEST = 2, 8
@@ -30,7 +30,7 @@ def grow(scene: mcdem.Scene, rng: np.random.Generator) -> list[mcdem.Aggregate]:
         if i.size + j.size > LARGEST:
             continue
         reach = i.outer_radius(scene.suspension.radius) + j.outer_radius(scene.suspension.radius)
-        result = mcdem.simulate_encounter(scene, i, j, draw_offset(0.5 * reach, rng), seed=rng)
+        result = mcdem.simulate_encounter(scene, i, j, draw_offset(scene.flow, 0.5 * reach, rng), seed=rng)
         if result.outcome == "aggregation" and sum(a.size == i.size + j.size for a in pool) < 3:
             pool.append(result.products[0])
     return [a for a in pool if a.size >= SMALLEST]
@@ -45,7 +45,7 @@ def main() -> None:
     for _ in range(COUNT):
         pair = [pool[rng.integers(len(pool))].turned(rng) for _ in range(2)]
         reach = sum(a.outer_radius(scene.suspension.radius) for a in pair)
-        offsets.append(draw_offset(0.5 * reach, rng))
+        offsets.append(draw_offset(scene.flow, 0.5 * reach, rng))
         for aggregate in pair:
             sizes.append(aggregate.size)
             positions.append(aggregate.positions)
