@@ -9,8 +9,10 @@ For each direct force and contact law, with the same primaries and the rest of t
 
 The build that never had it is a copy of the package from which the effect's branch is cut wherever forces are added up; it
 runs in a process of its own, and the processes take turns.  Steps are those of the explicit scheme with free draining, in
-which direct forces are most of the work: a share of a Stokesian step is smaller.  `--level`, `--scheme` and `--effects` choose
-others; each pair of builds then compiles for minutes.
+which direct forces are most of the work: a share of a Stokesian step is smaller.  Resistances of contacts (sliding, rolling,
+twisting, rods) are followed by the implicit scheme alone and timed with it; present, they double the unknowns, since spheres then
+turn against torques, so that even strength zero is equal to absence only to the tolerance of the iteration (1e-8 of a move).
+`--level`, `--scheme` and `--effects` choose others; each pair of builds then compiles for minutes.
 
     python benchmarks/absent_effects.py [--effects van_der_waals,jkr] [--rounds 15]
 """
@@ -48,7 +50,12 @@ EFFECTS = {
     "steric": ({"brush_thickness": "10 nm", "grafting_distance": "3 nm", "temperature": "298 K"}, ("jkr",)),
     "jkr": ({"surface_energy": "4.7 mJ/m^2", "elastic_modulus": "3.4 GPa", "poisson_ratio": 0.5}, ()),
     "dmt": ({"surface_energy": "4.7 mJ/m^2", "elastic_modulus": "3.4 GPa", "poisson_ratio": 0.5}, ("jkr",)),
+    "sliding": ({"friction_coefficient": 0.3}, ()),
+    "rolling": ({"critical_displacement": "0.5 nm"}, ()),
+    "twisting": ({"friction_coefficient": 0.3}, ()),
+    "rods": ({"stiffness": "5 N/m", "largest_displacement": "2 nm"}, ()),
 }
+RESISTANCES = ("sliding", "rolling", "twisting", "rods")
 # The field of each kernel that holds its strength.
 STRENGTH = {
     "van_der_waals": "strength",
@@ -57,6 +64,7 @@ STRENGTH = {
     "steric": "pressure",
     "jkr": "pull_off_force",
     "dmt": "pull_off_force modulus",
+    **dict.fromkeys(RESISTANCES, "stiffness"),
 }
 
 
@@ -105,6 +113,7 @@ class Steps:
         if zeroed:
             self.physics = without_strength(self.physics, zeroed)
         self.schemes = encounter.scheme_of(scene)
+        self.resisting = scene.effects.resisting
         self.start, self.bonded = primaries(contacts)
 
     def run(self, steps: int):
@@ -123,8 +132,10 @@ class Steps:
             np.full((n, n), -np.inf),
             np.ones(n),
             np.zeros(n, np.int64),
+            np.zeros((n, n, 7)) if self.resisting else None,
         )
-        log, history, gaps, work = state.new_log(), state.new_history(motion), np.empty((n, n)), scratch(n)
+        log, history, gaps = state.new_log(), state.new_history(motion), np.empty((n, n))
+        work = scratch(n, self.resisting)
         find_gaps(motion.positions, motion.radii, gaps)
         arguments = (motion, history, gaps, work, self.flow, self.physics, *self.schemes, log)
         limits = (new_watch(log, np.inf), 0.0, np.inf, np.inf, 1e9, steps)
@@ -163,10 +174,12 @@ def work(effect: str, scheme: str, level: str) -> None:
 
 
 class Cut(ast.NodeTransformer):
-    """Removes every `if EFFECT is not None:` of one effect."""
+    """Removes every `if EFFECT is not None:` of one effect; for a resistance of contacts, also what follows its springs."""
 
     def __init__(self, effect: str):
-        self.effect, self.count = effect, 0
+        self.names, self.count = {effect}, 0
+        if effect in RESISTANCES:
+            self.names |= {"springs", "torques"}
 
     def visit_If(self, node: ast.If):
         self.generic_visit(node)
@@ -174,7 +187,7 @@ class Cut(ast.NodeTransformer):
         if (
             isinstance(test, ast.Compare)
             and isinstance(test.left, ast.Name)
-            and test.left.id == self.effect
+            and test.left.id in self.names
             and isinstance(test.ops[0], ast.IsNot)
         ):
             self.count += 1
@@ -186,10 +199,19 @@ def build_without(effect: str, folder: Path) -> Path:
     """A copy of the package whose forces and contact laws never heard of an effect; returns its parent folder."""
     shutil.copytree(ROOT / "mcdem", folder / "mcdem", ignore=shutil.ignore_patterns("__pycache__"))
     count = 0
-    for name in ("effects/__init__.py", "effects/short_range.py"):
+    for name in (
+        "effects/__init__.py",
+        "effects/short_range.py",
+        "stepping/implicit.py",
+        "stepping/state.py",
+    ):
         path = folder / "mcdem" / name
         cut = Cut(effect)
         tree = cut.visit(ast.parse(path.read_text()))
+        for node in ast.walk(tree):
+            # What is left of a function that held nothing else.
+            if isinstance(node, ast.FunctionDef) and not node.body[bool(ast.get_docstring(node)) :]:
+                node.body.append(ast.Pass())
         path.write_text(ast.unparse(ast.fix_missing_locations(tree)))
         count += cut.count
     if count == 0:
@@ -236,6 +258,8 @@ def largest_change(one, other) -> float:
 
 def measure(effect: str, rounds: int, scheme: str, level: str) -> dict[str, float]:
     """One row of the table."""
+    if effect in RESISTANCES:
+        scheme = "implicit"
     with tempfile.TemporaryDirectory() as folder:
         arguments = ["--effects", effect, "--scheme", scheme, "--level", level]
         whole, cut = Worker(ROOT, arguments), Worker(build_without(effect, Path(folder)), arguments)
@@ -279,7 +303,8 @@ def main() -> None:
         work(options.effects, options.scheme, options.level)
         return
     print(
-        f"{options.scheme} scheme, {options.level}, {PRIMARIES} primaries; median of {options.rounds} rounds"
+        f"{options.scheme} scheme (resistances: implicit), {options.level}, {PRIMARIES} primaries; median of {options.rounds} "
+        "rounds"
     )
     print(
         f"{'effect':14} {'zero - None':>12} {'felt':>9} {'step, us':>9} {'absent/never':>16} {'present/absent':>15}"

@@ -74,6 +74,17 @@ def test_a_rigid_body_of_free_draining_turns_as_its_drag_says():
     assert body.drift == pytest.approx(np.zeros((3, 5)), abs=1e-12)
 
 
+def test_a_doublet_of_free_draining_is_rigid_in_any_orientation():
+    """It turns as a thin rod does, Omega = n x E n, and is left without a spin about its own axis, which nothing resists."""
+    rng = np.random.default_rng(6)
+    for n in [np.array([0.0, 0.0, 1.0]), *rng.normal(size=(5, 3))]:
+        body, x = rigid_body(LEVELS["free_draining"], np.stack([-n, n]) / np.linalg.norm(n))
+        n = x[0] / np.linalg.norm(x[0])
+        spin = body.spin @ five(STRAIN)
+        assert abs(spin @ n) < 1e-3
+        assert spin - spin @ n * n == pytest.approx(np.cross(n, STRAIN @ n), abs=1e-9)
+
+
 def test_levels_without_stresslets_do_not_approach_by_them():
     taken = {level: shortcuts_of(scene).far_approach > 0.0 for level, scene in LEVELS.items()}
     assert taken == {"free_draining": False, "rotne_prager": False, "fts": True, "stokesian": True}

@@ -243,9 +243,9 @@ def drive_at_middle(motion, flow, physics, labels, bodies, share, lag, work):
 @njit(cache=True)
 def drive_spheres(flow, work, torques):
     """What drives the spheres, by what they can do: turn freely, or turn against the torques of their contacts."""
-    if torques is None:
-        return drive_torque_free(flow, work)
-    return moments.drive(flow, work, torques)
+    if torques is not None:
+        return moments.drive(flow, work, torques)
+    return drive_torque_free(flow, work)
 
 
 @njit(cache=True)
@@ -328,25 +328,25 @@ def add_stiffness(matrix, step, contacts, work):
 @njit(cache=True)
 def solve_step(motion, contacts, gaps, step, physics, work, springs):
     """Newton for the positions at the end of the step, from the guess in work.end; 0 or NOT_CONVERGED."""
-    if springs is None:
-        return solve_contacts(
-            motion.positions, motion.radii, contacts, gaps, step, physics.jkr, physics.dmt, work
+    if springs is not None:
+        return moments.solve(
+            motion.positions,
+            motion.radii,
+            contacts,
+            gaps,
+            step,
+            springs,
+            physics.jkr,
+            physics.dmt,
+            physics.sliding,
+            physics.rolling,
+            physics.twisting,
+            physics.rods,
+            work,
+            work.moments,
         )
-    return moments.solve(
-        motion.positions,
-        motion.radii,
-        contacts,
-        gaps,
-        step,
-        springs,
-        physics.jkr,
-        physics.dmt,
-        physics.sliding,
-        physics.rolling,
-        physics.twisting,
-        physics.rods,
-        work,
-        work.moments,
+    return solve_contacts(
+        motion.positions, motion.radii, contacts, gaps, step, physics.jkr, physics.dmt, work
     )
 
 

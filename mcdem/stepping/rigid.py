@@ -230,7 +230,9 @@ def analyse(
     for mode in range(6):
         symmetric_product(matrix, modes[mode], pulled[mode])
     grand = np.zeros((6, 6))
-    if not rigid_resistance(modes, pulled, grand):
+    # Spheres free to turn do not resist that a doublet spins about its own axis, and dragged each by itself not even by
+    # rounding: a small addition leaves that spin at zero.
+    if not rigid_resistance(modes, pulled, 0.0 if coupled is not None else 1e-12, grand):
         return FAILED, body
     response = np.zeros((count, 5))
     relative, load, motion = np.empty(m), np.empty(m), np.empty(6)
@@ -293,13 +295,20 @@ def analyse(
 
 
 @njit(cache=True)
-def rigid_resistance(modes, pulled, grand):
-    """Resistance (6, 6) of the rigid motions `modes`, of which the fluid makes the forces `pulled`, factorised; True if it is."""
+def rigid_resistance(modes, pulled, ridge, grand):
+    """Resistance (6, 6) of the rigid motions `modes`, of which the fluid makes the forces `pulled`, factorised; True if it is.
+
+    ridge : added to that of rotations, over its sum
+    """
     for p in range(6):
         for q in range(6):
             grand[p, q] = 0.0
             for row in range(modes.shape[1]):
                 grand[p, q] += modes[p, row] * pulled[q, row]
+    if ridge > 0.0:
+        spinning = grand[3, 3] + grand[4, 4] + grand[5, 5]
+        for p in range(3, 6):
+            grand[p, p] += ridge * spinning
     return cholesky(grand) == 0
 
 

@@ -316,7 +316,7 @@ def analyse_with_moments(work, positions, bonded, springs, radii, physics, coupl
     pulled, grand = np.zeros((6, 2 * m)), np.zeros((6, 6))
     for mode in range(6):
         symmetric_product(work.resistance, modes[mode], pulled[mode])
-    if not rigid_resistance(modes, pulled, grand):
+    if not rigid_resistance(modes, pulled, 0.0, grand):
         return FAILED, body
     relative, load, motion = np.empty(2 * m), np.empty(2 * m), np.empty(6)
     five, extra = np.empty((n, 5)), np.empty(5)
