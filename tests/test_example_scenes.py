@@ -47,8 +47,29 @@ def test_uniaxial_extension_differs_from_the_paper_in_its_flow_alone_and_runs(tm
     assert result.outcome == "aggregation"
     axis = result.products[0].positions[1] - result.products[0].positions[0]
     assert abs(axis[2]) > 0.999999 * np.linalg.norm(axis)
-    # A touching doublet along the axis is pulled by 12.24 pi mu a^2 E (Nir & Acrivos 1973), that cut off at delta a little less.
+    # A touching doublet along the axis is pulled by 12.24 pi mu a^2 E (Nir & Acrivos 1973), with a cut-off a little less.
     pull = 12.24 / 6.0 * scene.reduced.force
     assert result.largest_tension == pytest.approx(pull, rel=0.05)
+    run(scene, tmp_path / "run.nc", events=6, workers=1)
+    assert (Run(tmp_path / "run.nc").outcome != "unresolved").all()
+
+
+@pytest.mark.slow
+def test_contacts_that_bear_moments_keep_a_bent_chain_bent(tmp_path):
+    """The bends of a zigzag chain in the flow, with the bonds of the scene and without them."""
+    scene, paper = (mcdem.load_scene(SCENES / f"{name}-1000Pa.toml") for name in ("moments", "paper"))
+    bonds = {"effects.rods.stiffness": "5 N/m", "effects.rods.largest_displacement": "2 nm"}
+    assert scene == paper.with_changes(bonds)
+    rest = 2.0 + scene.effects.jkr.kernel(scene).equilibrium_gap
+    zigzag = np.cumsum([[0.0, 0.0, 0.0], *[[0.0, (k % 2) * 1.0, 1.0 - k % 2] for k in range(4)]], axis=0)
+    zigzag *= rest * scene.suspension.radius
+    far = (1.9 * scene.suspension.radius, 7.0 * scene.suspension.radius)
+    longest = []
+    for s in (scene, paper):
+        result = mcdem.simulate_encounter(s, zigzag, MONOMER, offset=far, orient=False, seed=0)
+        assert result.outcome == "missed"
+        chain = max(result.products, key=lambda a: a.size)
+        longest.append(len(chain.bonds))
+    assert longest[0] == 4 < longest[1]
     run(scene, tmp_path / "run.nc", events=6, workers=1)
     assert (Run(tmp_path / "run.nc").outcome != "unresolved").all()
