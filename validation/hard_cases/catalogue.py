@@ -123,7 +123,7 @@ CLUSTERS: list[Case] = [
               strain=0.3, offset=(0.1, 0.8), quick=False),
     Encounter("two balls of 100, head on", "the largest that stick, break each other and restructure for eight rotations",
               shape(ball_centres(100), 1), shape(ball_centres(100), 2), strain=0.3, offset=(0.1, 0.3), quick=False,
-              changes={"numerics.most_steps": 1000}, outcomes=("unresolved",)),
+              changes={"numerics.most_steps": 300}, outcomes=("unresolved",)),
     Encounter("an open necklace of 60", "a large floppy cluster", shape(walk_centres(60, 2), 1), monomer, chaotic=True,
               strain=0.5, quick=False),
     Encounter("a primary and a cluster of 150", "sizes far apart", monomer, shape(ball_centres(150), 1), strain=0.3,
