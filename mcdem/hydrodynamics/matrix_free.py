@@ -33,6 +33,8 @@ TOLERANCE = 1e-6
 """Norm of the residual over that of the right-hand side."""
 REFINEMENTS = 12
 """Times the residual of all pairs is formed, at most."""
+SHARES = 16
+"""Parts into which the pairs are dealt for the cores; the same for any number of cores, and so is the sum."""
 
 
 class Solution(NamedTuple):
@@ -118,55 +120,73 @@ def pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d):
     return gap - true_gap if shifted else 0.0
 
 
+@njit(cache=True, inline="always")
+def beyond(positions, i, j, reach):
+    """Whether the centres of i and j are further apart than `reach`."""
+    r = 0.0
+    for k in range(3):
+        r += (positions[i, k] - positions[j, k]) ** 2
+    return r > reach * reach
+
+
 @njit(cache=True, parallel=True)
 def distant_load(positions, radii, rates, reach, cutoff, shifted, table, load):
-    """load (6N,) += R rates of all pairs beyond `reach`; row by row, so that cores do not meet."""
+    """load (6N,) += R rates of all pairs beyond `reach`."""
     n = radii.shape[0]
-    for i in prange(n):
+    loads = np.zeros((SHARES, 6 * n))
+    for share in prange(SHARES):
         raw, scalars, d = np.empty(22), np.empty((11, 4)), np.empty(3)
-        local, six = np.empty((12, 12)), np.empty(12)
-        for j in range(n):
-            r = 0.0
-            for k in range(3):
-                r += (positions[i, k] - positions[j, k]) ** 2
-            if j == i or r <= reach * reach:
-                continue
-            pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d)
-            local[:] = 0.0
-            lubrication.add_pair_resistance(scalars, 1, 0, d, local)
-            for k in range(3):
-                six[k], six[3 + k] = rates[3 * j + k], rates[3 * i + k]
-                six[6 + k], six[9 + k] = rates[3 * (n + j) + k], rates[3 * (n + i) + k]
-            for k in range(3):
-                for row, place in ((3 + k, 3 * i + k), (9 + k, 3 * (n + i) + k)):
-                    for column in range(12):
-                        entry = local[row, column] if column <= row else local[column, row]
-                        load[place] += entry * six[column]
+        local, pair, rows = np.empty((12, 12)), np.empty(12), np.empty(12, np.int64)
+        for i in range(share, n, SHARES):
+            for j in range(i):
+                if not beyond(positions, i, j, reach):
+                    continue
+                pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d)
+                local[:] = 0.0
+                lubrication.add_pair_resistance(scalars, 1, 0, d, local)
+                for k in range(3):
+                    rows[k], rows[3 + k] = 3 * j + k, 3 * i + k
+                    rows[6 + k], rows[9 + k] = 3 * (n + j) + k, 3 * (n + i) + k
+                for k in range(12):
+                    pair[k] = rates[rows[k]]
+                for row in range(12):
+                    for column in range(row):
+                        loads[share, rows[row]] += local[row, column] * pair[column]
+                        loads[share, rows[column]] += local[row, column] * pair[row]
+                    loads[share, rows[row]] += local[row, row] * pair[row]
+    for share in range(SHARES):
+        load += loads[share]
 
 
-@njit(cache=True)
+@njit(cache=True, parallel=True)
 def distant_drive(positions, radii, reach, cutoff, shifted, strain, table, drive):
     """drive (6N,) += that of all pairs beyond `reach`."""
     n = radii.shape[0]
-    raw, scalars, d = np.empty(22), np.empty((11, 4)), np.empty(3)
-    for i in range(n):
-        for j in range(i):
-            r = 0.0
-            for k in range(3):
-                r += (positions[i, k] - positions[j, k]) ** 2
-            if r > reach * reach:
-                shift = pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d)
-                lubrication.add_pair_drive(scalars, i, j, d, strain, shift, drive)
+    drives = np.zeros((SHARES, 6 * n))
+    for share in prange(SHARES):
+        raw, scalars, d = np.empty(22), np.empty((11, 4)), np.empty(3)
+        for i in range(share, n, SHARES):
+            for j in range(i):
+                if beyond(positions, i, j, reach):
+                    shift = pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d)
+                    lubrication.add_pair_drive(scalars, i, j, d, strain, shift, drives[share])
+    for share in range(SHARES):
+        drive += drives[share]
 
 
-@njit(cache=True)
+@njit(cache=True, parallel=True)
 def pair_stresslets(positions, radii, rates, cutoff, strain_five, table, out):
     """Two-body stresslets of all pairs, added to out (N, 5)."""
-    raw, scalars, d = np.empty(22), np.empty((11, 4)), np.empty(3)
-    for i in range(radii.shape[0]):
-        for j in range(i):
-            pair_of(positions, radii, i, j, cutoff, False, table, raw, scalars, d)
-            lubrication.add_pair_stresslet(scalars, i, j, d, rates, strain_five, out)
+    n = radii.shape[0]
+    found = np.zeros((SHARES, n, 5))
+    for share in prange(SHARES):
+        raw, scalars, d = np.empty(22), np.empty((11, 4)), np.empty(3)
+        for i in range(share, n, SHARES):
+            for j in range(i):
+                pair_of(positions, radii, i, j, cutoff, False, table, raw, scalars, d)
+                lubrication.add_pair_stresslet(scalars, i, j, d, rates, strain_five, found[share])
+    for share in range(SHARES):
+        out += found[share]
 
 
 class TwoBody:
@@ -205,7 +225,7 @@ class TwoBody:
     def load(self, rates: NDArray[np.float64]) -> NDArray[np.float64]:
         """R rates, of all pairs."""
         load = self.near @ rates
-        if self.table is not None:
+        if self.table is not None and rates.any():
             distant_load(
                 self.positions, self.radii, rates, RANGE, self.cutoff, self.shifted, self.table, load
             )
