@@ -74,4 +74,5 @@ CASE = Case(
     tolerance="a margin of 0 is where a law is broken; each allowance is derived where the law stands, never fitted",
     measure=measure,
     judge=judge,
+    seen=("strain_sign",),
 )
