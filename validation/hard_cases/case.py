@@ -111,9 +111,8 @@ class Encounter:
                 if name in laws.OF_REGULAR_MOTION and (self.chaotic or scheme == "paper"):
                     continue  # trajectories say nothing there, or the law is of the other scheme's step
                 margin, words = course_law(course)
-                yield finding(
-                    self, name + suffix, course.seen.steps, margin, words, self.expected.get(name, "")
-                )
+                law = name + suffix
+                yield finding(self, law, course.seen.steps, margin, words, self.expected.get(law, ""))
 
 
 class Whole:

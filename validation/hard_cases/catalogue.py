@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import mcdem
+from mcdem.cost import level_changes
 from validation.fuzz import FOUND
 from validation.hard_cases.case import Case, Encounter, Ensemble, Refused, Suspension
 from validation.hard_cases.shapes import (
@@ -103,6 +104,19 @@ MATERIAL: list[Case] = [
               changes={"effects.jkr": None}, quick=False, outcomes=("missed",)),
 ]  # fmt: skip
 
+LEVELS: list[Case] = [
+    Encounter(f"{level}, {name}", "leaves out a part of the hydrodynamics", *shapes, offset=offset, strain=3.0,
+              changes=level_changes(level), schemes=("implicit", "paper"), quick=False, expected={
+                  "overlap bounded (paper)": "without lubrication a snap-in is over within the base step of 1 us, "
+                  "which carries the primaries past their contact"})
+    for level in ("free_draining", "rotne_prager", "fts")
+    for name, shapes, offset in (
+        ("two primaries", MOTES, (0.0, 0.25)),
+        ("a contact at its end", (at_pull_off(1e-9), monomer), (0.3, 0.6)),
+        ("two tetrahedra", TETRAHEDRON, (0.1, 0.4)),
+    )
+]  # fmt: skip
+
 CLUSTERS: list[Case] = [
     Encounter("one redundant contact", "a cluster that no more than statics can tell", shape(one_redundant_centres(), 1),
               shape(bipyramid_centres(), 2)),
@@ -146,4 +160,4 @@ SUSPENSIONS: list[Case] = [
         "population.initial": 20, "numerics.most_steps": 40}, 40, ("events",), unresolved=True),
 ]  # fmt: skip
 
-CATALOGUE: tuple[Case, ...] = (*GRAZING, *CONTACTS, *MATERIAL, *CLUSTERS, *SUSPENSIONS, *FOUND)
+CATALOGUE: tuple[Case, ...] = (*GRAZING, *CONTACTS, *MATERIAL, *LEVELS, *CLUSTERS, *SUSPENSIONS, *FOUND)
