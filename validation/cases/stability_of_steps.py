@@ -54,7 +54,10 @@ def judge(context: Context, numbers):
     implicit = min(in_strain(row, "largest_step") for row in stability_map.of(rows, scheme="implicit"))
     checks.append(above("implicit: least of its largest steps", implicit, Numerics().max_step, unit="1/g"))
     known = {key(row): row["largest_step"] for row in numbers["kept"]}
-    apart = max(abs(np.log(row["largest_step"] / known[key(row)])) for row in numbers["anew"])
+    apart = max(
+        abs(np.log(row["largest_step"] / known[key(row)])) if row["largest_step"] else np.inf
+        for row in numbers["anew"]
+    )
     checks.append(
         below(f"{len(numbers['anew'])} steps measured anew: largest deviation (logarithm)", apart, 0.05)
     )
@@ -79,8 +82,8 @@ def judge(context: Context, numbers):
 
 
 def in_strain(row, what):
-    """A time of a row [1/g]."""
-    return row[what] * stability_map.SWEEPS[row["parameter"]].shear_rate
+    """A time of a row [1/g]; 0 for the largest step where none holds."""
+    return (row[what] or 0.0) * stability_map.SWEEPS[row["parameter"]].shear_rate
 
 
 def straight(row):
