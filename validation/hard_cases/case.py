@@ -111,8 +111,10 @@ class Encounter:
                 if name in laws.OF_REGULAR_MOTION and (self.chaotic or scheme == "paper"):
                     continue  # trajectories say nothing there, or the law is of the other scheme's step
                 margin, words = course_law(course)
-                law = name + suffix
-                yield finding(self, law, course.seen.steps, margin, words, self.expected.get(law, ""))
+                full_name = name + suffix
+                yield finding(
+                    self, full_name, course.seen.steps, margin, words, self.expected.get(full_name, "")
+                )
 
 
 class Whole:
