@@ -19,7 +19,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -188,19 +188,17 @@ def _gyration(aggregates: Iterable[Aggregate], radius: float) -> float:
     return total / mass
 
 
-@cache
-def _warm() -> set[tuple[Any, ...]]:
-    """What this process has compiled or loaded: effects that are there, and the scheme."""
-    return set()
+_WARM: set[tuple[Any, ...]] = set()
+"""What this process has compiled or loaded: the types of flow and physics, and the scheme."""
 
 
 def warm_up(scene: Scene, pair: Pair) -> None:
     """Have the code of such a scene compiled before anything is timed in this process."""
-    _, physics = physics_of(scene)
-    signature = (*map(type, physics), scene.numerics.scheme)
-    if signature not in _warm():
+    flow, physics = physics_of(scene)
+    signature = (*map(type, flow), *map(type, physics), scene.numerics.scheme)
+    if signature not in _WARM:
         simulate_encounter(scene, *pair, seed=0)
-        _warm().add(signature)
+        _WARM.add(signature)
 
 
 def follow(scene: Scene, seed: int, number: int, pair: Pair) -> Sample:

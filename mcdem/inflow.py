@@ -113,7 +113,8 @@ def upstream(
 ) -> tuple[NDArray[np.float64], float]:
     """Where the streamline through `entry` (3,) was at `distance` from the origin, and the strain from there to its nearest.
 
-    Along a streamline of these flows r^2 is convex in time: there is one such point upstream, and one nearest point.
+    Along a streamline of these flows r^2 is convex in time: there is one such point upstream, and one nearest point.  A
+    streamline that does not reach it within LONGEST, next to a plane of stagnant fluid, is given where it was then, and inf.
     """
     size = float(np.linalg.norm(entry))
     scaled = entry / size
@@ -128,8 +129,11 @@ def upstream(
         r = position(strain)
         return float(r @ G @ r)
 
-    started = brentq(beyond, 0.0, _bracket(beyond), xtol=1e-12)
-    nearest = brentq(receding, 0.0, _bracket(receding), xtol=1e-12) if receding(0.0) < 0.0 else 0.0
+    ends = [_bracket(beyond), _bracket(receding)]
+    if beyond(ends[0]) < 0.0 or receding(ends[1]) < 0.0:
+        return size * position(-ends[0]), math.inf
+    started = brentq(beyond, 0.0, ends[0], xtol=1e-12)
+    nearest = brentq(receding, 0.0, ends[1], xtol=1e-12) if receding(0.0) < 0.0 else 0.0
     return size * position(-started), float(started + nearest)
 
 

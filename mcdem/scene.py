@@ -146,8 +146,9 @@ class Numerics(Table):
     """Distance upstream at which the second aggregate starts, in units of R_i + R_j."""
     rotations: NonNegativeDimensionless = 8.0
     """Rotations N_rot that follow the approach (Eq. 21)."""
-    far_field_lag: NonNegativeDimensionless = 0.3
-    """The far field is kept, turning along, until a separation changed by this share of its gap plus a radius; 0: never kept."""
+    far_field_lag: Annotated[NonNegativeDimensionless, Field(le=1.0)] = 0.3
+    """The far field is kept, turning along, until a separation changed by this share of its gap plus a radius; 0: never kept.
+    From about 0.8 on what is foreseen from the last steps may run away."""
     far_approach: NonNegativeDimensionless = 2.0
     """Two rigid aggregates approach as bodies with a stresslet down to this centre distance over R_i + R_j; 0 for never,
     as at levels of hydrodynamics without stresslets."""

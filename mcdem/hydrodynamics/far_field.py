@@ -45,6 +45,17 @@ def tensor_to_five(tensor, out):
     out[4] = _SQRT2 * tensor[1, 2]
 
 
+@njit(cache=True)
+def five_tensor(components, tensor):
+    """The symmetric traceless tensor of five components (5,) into tensor (3, 3)."""
+    tensor[0, 0] = components[0] / _SQRT2 - components[1] / _SQRT6
+    tensor[1, 1] = -components[0] / _SQRT2 - components[1] / _SQRT6
+    tensor[2, 2] = 2.0 * components[1] / _SQRT6
+    tensor[0, 1] = tensor[1, 0] = components[2] / _SQRT2
+    tensor[0, 2] = tensor[2, 0] = components[3] / _SQRT2
+    tensor[1, 2] = tensor[2, 1] = components[4] / _SQRT2
+
+
 def five_to_tensor(components: np.ndarray) -> np.ndarray:
     """Symmetric traceless tensors (..., 3, 3) of components (..., 5)."""
     c = np.asarray(components, float)

@@ -20,14 +20,12 @@ import numpy as np
 from numba import njit
 
 from mcdem.hydrodynamics import stokesian
-from mcdem.hydrodynamics.far_field import tensor_to_five
+from mcdem.hydrodynamics.far_field import five_tensor, tensor_to_five
 from mcdem.hydrodynamics.mobility_product import apply_mobility
 from mcdem.linear_algebra import solve_cholesky
 
 # Number of primaries from which keeping a far field costs less than a new one.
 LAG_PAYS = 8
-_SQRT2 = np.sqrt(2.0)
-_SQRT6 = np.sqrt(6.0)
 
 
 class Lagged(NamedTuple):
@@ -227,16 +225,6 @@ def turned_tensor(turn, source, out, back):
 
 
 @njit(cache=True)
-def five_to_matrix(five, start, out):
-    """The symmetric traceless tensor (3, 3) of five components from `start` on."""
-    a, b = five[start] / _SQRT2, five[start + 1] / _SQRT6
-    out[0, 0], out[1, 1], out[2, 2] = a - b, -a - b, 2.0 * b
-    out[0, 1] = out[1, 0] = five[start + 2] / _SQRT2
-    out[0, 2] = out[2, 0] = five[start + 3] / _SQRT2
-    out[1, 2] = out[2, 1] = five[start + 4] / _SQRT2
-
-
-@njit(cache=True)
 def moments_as_rows(kept, moments, rows):
     """Kept moments (11N,), turned along, into rows (12, N) of `mobility_product`."""
     n = kept.positions.shape[0]
@@ -246,7 +234,7 @@ def moments_as_rows(kept, moments, rows):
         for p in range(3):
             rows[p, i] = turned(turn, moments, 8 * n + 3 * i, p)
             rows[3 + p, i] = turned(turn, moments, 5 * n + 3 * i, p)
-        five_to_matrix(moments, 5 * i, local)
+        five_tensor(moments[5 * i : 5 * i + 5], local)
         turned_tensor(turn, local, tensor, False)
         rows[6, i], rows[7, i], rows[8, i] = tensor[0, 0], tensor[1, 1], tensor[2, 2]
         rows[9, i], rows[10, i], rows[11, i] = tensor[0, 1], tensor[0, 2], tensor[1, 2]
@@ -354,7 +342,7 @@ def turn_moments(kept, moments):
             for p in range(3):
                 three[p] = turned(turn, moments, start, p)
             moments[start : start + 3] = three
-        five_to_matrix(moments, 5 * i, local)
+        five_tensor(moments[5 * i : 5 * i + 5], local)
         turned_tensor(turn, local, tensor, False)
         tensor_to_five(tensor, moments[5 * i : 5 * i + 5])
 

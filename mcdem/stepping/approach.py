@@ -12,8 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from mcdem.hydrodynamics.far_field import five_tensor
 from mcdem.stepping.bodies import rotation
-from mcdem.stepping.rigid import five_tensor, multiply, present_load, turn_back
+from mcdem.stepping.rigid import multiply, present_load, turn_back
 
 
 @njit(cache=True)

@@ -19,7 +19,7 @@ from numba import njit
 
 from mcdem.effects import contact_equilibrium, contact_force, contact_pull_off_force, non_contact_force
 from mcdem.hydrodynamics import stokesian
-from mcdem.hydrodynamics.far_field import tensor_to_five
+from mcdem.hydrodynamics.far_field import five_tensor, tensor_to_five
 from mcdem.linear_algebra import cholesky, solve_cholesky
 from mcdem.stepping.bodies import rotation
 from mcdem.stepping.contacts import FORCE_RANGE
@@ -45,18 +45,6 @@ class RigidBody(NamedTuple):
     rest: np.ndarray  # (B,) tension without flow
     response: np.ndarray  # (B, 5)
     strength: np.ndarray  # (B,) pull-off force
-
-
-@njit(cache=True)
-def five_tensor(c, tensor):
-    """Symmetric traceless tensor (3, 3) of five components."""
-    s2, s6 = np.sqrt(2.0), np.sqrt(6.0)
-    tensor[0, 0] = c[0] / s2 - c[1] / s6
-    tensor[1, 1] = -c[0] / s2 - c[1] / s6
-    tensor[2, 2] = 2.0 * c[1] / s6
-    tensor[0, 1] = tensor[1, 0] = c[2] / s2
-    tensor[0, 2] = tensor[2, 0] = c[3] / s2
-    tensor[1, 2] = tensor[2, 1] = c[4] / s2
 
 
 @njit(cache=True)
@@ -105,6 +93,15 @@ def empty_body(n):
         np.zeros((0, 5)),
         np.zeros(0),
     )
+
+
+@njit(cache=True)
+def of_sphere(radius):
+    """The body of one sphere: no contacts, and the stresslet -10/9 a^3 E of a sphere by itself."""
+    body = empty_body(1)
+    for k in range(5):
+        body.stresslet[k, k] = -10.0 / 9.0 * radius**3
+    return body
 
 
 @njit(cache=True)
@@ -169,11 +166,9 @@ def analyse(
     work : `stokesian.workspace` of P
     """
     n = radii.shape[0]
-    body = empty_body(n)
     if n == 1:
-        for k in range(5):
-            body.stresslet[k, k] = -10.0 / 9.0 * radii[0] ** 3
-        return RIGID, body
+        return RIGID, of_sphere(radii[0])
+    body = empty_body(n)
     count = 0
     for i in range(n):
         for j in range(i):

@@ -28,7 +28,7 @@ from mcdem.effects import (
 )
 from mcdem.effects.tangential import STUCK, turn_map
 from mcdem.hydrodynamics import stokesian
-from mcdem.hydrodynamics.far_field import tensor_to_five
+from mcdem.hydrodynamics.far_field import five_tensor, tensor_to_five
 from mcdem.linear_algebra import cholesky, solve_cholesky
 from mcdem.stepping.contacts import FORCE_RANGE
 from mcdem.stepping.moments import (
@@ -45,7 +45,7 @@ from mcdem.stepping.rigid import (
     RigidBody,
     add_two_body_all,
     empty_body,
-    five_tensor,
+    of_sphere,
     rigid_resistance,
     symmetric_product,
 )
@@ -232,11 +232,9 @@ def across(normal, e):
 def analyse_with_moments(work, positions, bonded, springs, radii, physics, coupled, stresslets, table):
     """(RIGID, FLOPPY or FAILED, body) of one connected aggregate; positions (P, 3) about its centre, springs (P, P, 7)."""
     n = radii.shape[0]
-    body = empty_body(n)
     if n == 1:
-        for k in range(5):
-            body.stresslet[k, k] = -10.0 / 9.0 * radii[0] ** 3
-        return RIGID, body
+        return RIGID, of_sphere(radii[0])
+    body = empty_body(n)
     m = 3 * n
     jkr, dmt = physics.jkr, physics.dmt
     laws = (physics.sliding, physics.rolling, physics.twisting, physics.rods)
