@@ -8,6 +8,8 @@ Layout (every variable carries `units` and `long_name`; ragged rows are CF conti
     /kept        geometry of the parents of chosen encounters, by default those left unresolved, with the reason
     /checkpoint  what else it takes to continue bit for bit: places, serial numbers, clocks
 
+The attribute `history` has a line for each call of `run` that computed a part: from which event on, with what versions.
+
 The file is always whole: it is made in memory, written beside its place, and moved there in one step.  The geometry of
 the last snapshot is the state from which a run is resumed.
 """
@@ -57,7 +59,7 @@ FORMAT = 1
 
 TIMING = ("cpu_time",)
 """Variables that measure the machine, not the suspension."""
-ORIGIN_OF_THE_WRITING = ("command", "date_modified", "software", "computed_in_vain")
+ORIGIN_OF_THE_WRITING = ("command", "date_modified", "software", "history", "computed_in_vain")
 """Attributes that may differ between two datasets of the same process."""
 
 
@@ -319,6 +321,7 @@ class Record:
     kept_parents: Geometries = field(init=False)
 
     def __post_init__(self) -> None:
+        self.history = [_stretch(0, 0.0)]
         self.snapshots = Snapshots(self.scene.effects.resisting)
         self.kept_parents = Geometries(self.scene.effects.resisting)
 
@@ -422,6 +425,7 @@ class Record:
                 "keep_parents": " ".join(self.keep_parents),
                 "primary_radius": self.scene.suspension.radius,
                 "software": software(),
+                "history": "\n".join(self.history),
                 "command": shlex.join(sys.argv),
                 "date_modified": datetime.now(UTC).isoformat(timespec="seconds"),
                 "computed_in_vain": computed_in_vain,
@@ -458,6 +462,7 @@ class Record:
             _get(file["kept"], {"kept": record.kept, **record.kept_parents.tables})
             state = {name: v[...] for name, v in file["checkpoint"].variables.items()}
             time, volume, serials, aggregates = record.snapshots.last()
+            record.history = [*_history(file), _stretch(record.events.rows, time)]
             record.snapshots.drop_last()
             population = Population.restored(
                 scene.suspension.radius,
@@ -592,6 +597,21 @@ def software() -> str:
         with contextlib.suppress(PackageNotFoundError):
             packages.append(f"{name} {version(name)}")
     return ", ".join([*packages, f"python {platform.python_version()}", platform.platform()])
+
+
+def _stretch(events: int, time: float) -> str:
+    """Who computes from here on: a line of the dataset's history, as a run may be resumed by another version."""
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return f"{now} from event {events}, t = {time:.6g} s: {software()}: {shlex.join(sys.argv)}"
+
+
+def _history(file: netCDF4.Dataset) -> list[str]:
+    """The stretches that hold an encounter, oldest first."""
+    if "history" not in file.ncattrs():
+        return [f"{file.date_modified} until then: {file.software}: {file.command}"]
+    lines = str(file.history).splitlines()
+    events = len(file["events"].dimensions["event"])
+    return [line for line in lines if f" from event {events}," not in line]
 
 
 @contextlib.contextmanager

@@ -129,6 +129,15 @@ def test_the_origin_is_in_the_file(dataset):
     assert attributes["command"]
 
 
+def test_the_history_names_every_stretch_that_was_computed(tmp_path):
+    path, scene = tmp_path / "run.nc", synthetic.scene(population__initial=40)
+    for events, resume in ((20, False), (20, True), (35, True)):
+        run(scene, path, events=events, seed=5, resume=resume, encounter=synthetic.aggregation_and_breakup)
+    stretches = xr.open_dataset(path).attrs["history"].splitlines()
+    assert [line.split(" from ")[1].split(",")[0] for line in stretches] == ["event 0", "event 20"]
+    assert all("numba" in line for line in stretches)
+
+
 def test_identical_sees_a_single_bit_but_not_the_clock(dataset, tmp_path):
     other = tmp_path / "other.nc"
     scene = synthetic.scene(population__initial=40, run__snapshot_every="100 ms")
