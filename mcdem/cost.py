@@ -93,6 +93,7 @@ def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
     turn("max_step", [n.max_step * f for f in ((0.5, 2.0) if quick else (0.25, 0.5, 1.5, 2.0))])
     turn("far_field_lag", (0.0, 0.6) if quick else (0.0, 0.1, 0.2, 0.5, 0.8))
     turn("far_approach", (0.0,) if quick else (0.0, 1.2, 1.5, 2.0, 3.0))
+    turn("sure_miss", (0.0,) if quick else (0.0, 0.25, 1.0))
     turn("separation", (0.0,) if quick else (0.0, 1.2, 1.5, 2.0, 3.0))
     turn("rotations", (2.0,) if quick else (1.0, 2.0, 4.0, 16.0))
     turn("start_distance", () if quick else (2.5, 5.0, 10.0))

@@ -164,6 +164,7 @@ def shortcuts_of(scene: Scene) -> Shortcuts:
     taken = numerics.scheme == "implicit"
     return Shortcuts(
         far_approach=numerics.far_approach if taken and scene.hydrodynamics.stresslets else 0.0,
+        sure_miss=numerics.sure_miss if taken else 0.0,
         separation=numerics.separation if taken else 0.0,
         rigid_rotation=taken and numerics.rigid_rotation,
         inert=taken and numerics.end_inert,

@@ -398,6 +398,62 @@ def filmed(interval=0.5, **changes):
     return record.time * RATE, record.positions / RADIUS, record.tension / pull_off
 
 
+def passages(scene, **options):
+    """Two octahedra and a tetrahedron pass each other at offsets from near to far."""
+    pair = settled(lambda: stack_of_octahedra(2)), settled(tetrahedron)
+    return [
+        encounter(scene, *pair, offset=(0.3 * y, y), seed=seed, **options)
+        for seed, y in enumerate((2.0, 2.8, 3.2, 3.6, 4.4))
+    ]
+
+
+def test_a_sure_miss_is_the_miss_that_all_primaries_make():
+    quick = passages(PAPER)
+    whole = passages(PAPER.with_changes({"numerics.sure_miss": 0.0}))
+    assert [r.outcome for r in quick] == [r.outcome for r in whole]
+    gaps = np.array([[r.smallest_gap for r in results] for results in (quick, whole)]) / RADIUS
+    assert np.abs(gaps[0] - gaps[1]).max() < 0.2
+    assert np.array_equal(gaps[0] == gaps[1], gaps[1] < 0.4)
+    taken = [r.steps == 0 for r in quick]
+    assert taken == [r.smallest_gap / RADIUS > 0.5 for r in quick]
+    assert 0 < sum(taken) < len(taken) and not any(r.steps == 0 for r in whole)
+    assert [r.simulated_time for r in quick] == [r.simulated_time for r in whole]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        # A million times the attraction moves primaries half a radius apart.
+        {"effects.van_der_waals.hamaker_constant": "1e-14 J"},
+        # Without parts that go on alone there is no time after the passage.
+        {"numerics.separation": 0.0},
+        # A contact would bear more than this.
+        {"numerics.rigid_load_limit": 0.05},
+    ],
+)
+def test_a_miss_is_not_sure_where_it_may_matter(changes):
+    assert all(r.steps > 0 for r in passages(PAPER.with_changes({**changes, "numerics.rotations": 0.5})))
+
+
+def test_a_sure_miss_can_be_watched():
+    scene = PAPER.with_changes({"numerics.rotations": 0.5})
+    record = mcdem.Recorder(interval=0.25)
+    pair = settled(lambda: stack_of_octahedra(2)), settled(tetrahedron)
+    result = encounter(scene, *pair, offset=(1.0, 4.4), record=record)
+    assert result.steps == 0
+    side = record.parent == 0
+    away = record.positions[:, ~side].mean(axis=1) - record.positions[:, side].mean(axis=1)
+    together = np.flatnonzero(np.linalg.norm(away, axis=1) < 15.0 * RADIUS)
+    # Before the passage, during it, and no jump: the relative velocity of the flow at that height is what moves them.
+    assert len(together) > 10
+    strides = np.diff(away[together], axis=0) / (0.25 * RADIUS)
+    assert np.abs(strides[:, 2] - away[together][:-1, 1] / RADIUS).max() < 1.5
+    gaps = np.linalg.norm(
+        record.positions[:, side][:, :, None] - record.positions[:, ~side][:, None], axis=-1
+    )
+    assert gaps[together].min() / RADIUS - 2.0 == pytest.approx(result.smallest_gap / RADIUS, abs=0.1)
+
+
 def test_a_film_shows_the_tensions_of_bodies_that_turn():
     """Of rigid bodies by statics; they are those of the primaries followed one by one, at every moment."""
     short_steps = {"numerics.max_step": 0.05}  # tensions are those of the step's end

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from mcdem.hydrodynamics.far_field import five_tensor
-from mcdem.stepping.bodies import rotation
+from mcdem.stepping.bodies import RECEDING, rotation
 from mcdem.stepping.rigid import multiply, present_load, turn_back
 
 
@@ -137,6 +137,37 @@ def pair_rates(first, second, turns, centres, gradient, strain, velocities, spin
 
 
 @njit(cache=True)
+def step_together(first, second, turns, centres, gradient, strain, velocities, spins, step):
+    """Carry turns (2, 3, 3) and centres (2, 3) over one step by the midpoint rule; the rates given are those at its start."""
+    middle_turns, middle = np.empty((2, 3, 3)), np.empty((2, 3))
+    turn, after = np.empty((3, 3)), np.empty((3, 3))
+    for which in range(2):
+        rotation(spins[which] * (0.5 * step), turn)
+        multiply(turn, turns[which], middle_turns[which])
+        for k in range(3):
+            middle[which, k] = centres[which, k] + 0.5 * step * velocities[which, k]
+    pair_rates(first, second, middle_turns, middle, gradient, strain, velocities, spins)
+    for which in range(2):
+        rotation(spins[which] * step, turn)
+        multiply(turn, turns[which], after)
+        turns[which] = after
+        for k in range(3):
+            centres[which, k] += step * velocities[which, k]
+
+
+@njit(cache=True)
+def closing_speed(centres, velocities):
+    """(distance of the centres, rate at which it falls)."""
+    distance = closing = 0.0
+    for k in range(3):
+        d = centres[1, k] - centres[0, k]
+        distance += d * d
+        closing -= d * (velocities[1, k] - velocities[0, k])
+    distance = np.sqrt(distance)
+    return distance, closing / distance
+
+
+@njit(cache=True)
 def approach(first, second, turns, centres, gradient, strain, near, duration, step, limit):
     """Bring two rigid bodies together until their centres are `near` apart; returns (time passed, largest tension over strength).
 
@@ -144,36 +175,87 @@ def approach(first, second, turns, centres, gradient, strain, near, duration, st
     contact would bear more than `limit` of its strength, when they recede, or when `duration` has passed.
     """
     velocities, spins = np.empty((2, 3)), np.empty((2, 3))
-    middle_turns, middle = np.empty((2, 3, 3)), np.empty((2, 3))
-    turn, after = np.empty((3, 3)), np.empty((3, 3))
     elapsed, largest = 0.0, 0.0
     while elapsed < duration - 1e-12:
         load, tension = pair_rates(first, second, turns, centres, gradient, strain, velocities, spins)
         if load > limit:
             break
         largest = max(largest, tension)
-        distance = closing = 0.0
-        for k in range(3):
-            d = centres[1, k] - centres[0, k]
-            distance += d * d
-            closing += d * (velocities[1, k] - velocities[0, k])
-        distance = np.sqrt(distance)
-        closing = -closing / distance
+        distance, closing = closing_speed(centres, velocities)
         if distance <= near or closing <= 0.0:
             break
         h = min(step, duration - elapsed, max(0.05 * distance, distance - near) / closing)
         h = max(h, 1e-3)
-        for which in range(2):
-            rotation(spins[which] * (0.5 * h), turn)
-            multiply(turn, turns[which], middle_turns[which])
-            for k in range(3):
-                middle[which, k] = centres[which, k] + 0.5 * h * velocities[which, k]
-        pair_rates(first, second, middle_turns, middle, gradient, strain, velocities, spins)
-        for which in range(2):
-            rotation(spins[which] * h, turn)
-            multiply(turn, turns[which], after)
-            turns[which] = after
-            for k in range(3):
-                centres[which, k] += h * velocities[which, k]
+        step_together(first, second, turns, centres, gradient, strain, velocities, spins, h)
         elapsed += h
     return elapsed, largest
+
+
+@njit(cache=True)
+def smallest_gap(first, second, turns, centres, radii_first, radii_second):
+    """Smallest gap between a primary of one body and one of the other."""
+    places = np.empty((first.positions.shape[0], 3))
+    for i in range(places.shape[0]):
+        for k in range(3):
+            places[i, k] = centres[0, k] - centres[1, k]
+            for m in range(3):
+                places[i, k] += turns[0, k, m] * first.positions[i, m]
+    smallest = np.inf
+    place = np.empty(3)
+    for j in range(second.positions.shape[0]):
+        for k in range(3):
+            place[k] = 0.0
+            for m in range(3):
+                place[k] += turns[1, k, m] * second.positions[j, m]
+        for i in range(places.shape[0]):
+            squares = 0.0
+            for k in range(3):
+                squares += (places[i, k] - place[k]) ** 2
+            smallest = min(smallest, np.sqrt(squares) - radii_first[i] - radii_second[j])
+    return smallest
+
+
+@njit(cache=True)
+def pass_by(
+    first,
+    second,
+    turns,
+    centres,
+    radii_first,
+    radii_second,
+    gradient,
+    strain,
+    margin,
+    apart,
+    duration,
+    step,
+    limit,
+):
+    """Let two rigid bodies pass each other; (whether they surely miss, time passed, largest tension over strength, smallest gap).
+
+    They surely miss if no two of their primaries come closer than `margin`, no contact ever bears more than `limit` of its
+    strength, and their centres recede, `apart` from each other, in the undisturbed flow too, or `duration` passes before.
+    turns (2, 3, 3) and centres (2, 3) are carried along as in `approach`.
+    """
+    velocities, spins = np.empty((2, 3)), np.empty((2, 3))
+    elapsed, largest, closest = 0.0, 0.0, np.inf
+    while elapsed < duration - 1e-12:
+        load, tension = pair_rates(first, second, turns, centres, gradient, strain, velocities, spins)
+        largest = max(largest, tension)
+        closest = min(closest, smallest_gap(first, second, turns, centres, radii_first, radii_second))
+        if load > limit or closest < margin:
+            return False, elapsed, largest, closest
+        distance, closing = closing_speed(centres, velocities)
+        if closing < 0.0 and distance > apart:
+            undisturbed = 0.0
+            for k in range(3):
+                for m in range(3):
+                    undisturbed += (
+                        (centres[1, k] - centres[0, k]) * gradient[k, m] * (centres[1, m] - centres[0, m])
+                    )
+            if undisturbed > RECEDING * distance * distance:
+                return True, elapsed, largest, closest
+        h = min(step, duration - elapsed)
+        step_together(first, second, turns, centres, gradient, strain, velocities, spins, h)
+        elapsed += h
+    return True, elapsed, largest, closest

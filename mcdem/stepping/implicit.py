@@ -49,6 +49,8 @@ from mcdem.stepping.state import (
 # after a contact was made or lost: what happens then decides.
 NEAR = 0.5
 SETTLING = 1.0
+# Share of it that the first step takes, which has no step before it to foresee the middle from.
+FIRST = 0.3
 # Below it a step has failed.  Strong attraction in a weak flow closes the last of a gap, down to where a stiff contact bears
 # it, within 1e-15/g: the clock hardly notices, the primaries do.
 SMALLEST_STEP = 1e-18
@@ -489,7 +491,7 @@ def advance(motion, history, flow, physics, options, log, gaps, work, end_time):
             # Losses come in rows: a longer step would only be cut to the event step again.
             step = min(step, max(history.steps[0], options.event_step))
     else:
-        step = min(step, 0.1 * options.max_step)
+        step = min(step, FIRST * options.max_step)
     step = min(step, max(end_time - log.time[0], 1e-12))
     return attempt(motion, history, flow, physics, options, log, gaps, work, bodies, step, jkr, dmt)
 

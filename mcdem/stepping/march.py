@@ -12,15 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mcdem.stepping.bodies import centre_and_reach, label_bodies, mean_velocity
+from mcdem.stepping.bodies import RECEDING, centre_and_reach, label_bodies, mean_velocity
 from mcdem.stepping.implicit import advance
 from mcdem.stepping.paper_euler import advance_paper
 from mcdem.stepping.state import DONE, PARTED, PAUSED, SETTLED, TOO_MANY_STEPS
 
 # Strain between two looks at which bodies there are and whether they part.
 LOOK_EVERY = 0.5
-# Rate of recession in the undisturbed flow, over the distance, from which bodies are on their way apart for good.
-RECEDING = 0.05
 
 
 class Watch(NamedTuple):

@@ -365,14 +365,11 @@ def symmetric_product(matrix, vector, out):
 @njit(cache=True)
 def turn_back(matrix, tensor, five):
     """Components (5,) of Q^T tensor Q, with Q = matrix (3, 3)."""
-    turned = np.zeros((3, 3))
+    half, turned = np.empty((3, 3)), np.empty((3, 3))
+    multiply(tensor, matrix, half)
     for p in range(3):
         for q in range(3):
-            total = 0.0
-            for k in range(3):
-                for m in range(3):
-                    total += matrix[k, p] * tensor[k, m] * matrix[m, q]
-            turned[p, q] = total
+            turned[p, q] = matrix[0, p] * half[0, q] + matrix[1, p] * half[1, q] + matrix[2, p] * half[2, q]
     tensor_to_five(turned, five)
 
 
@@ -391,17 +388,16 @@ def present_load(body, seen):
 
 
 @njit(cache=True)
-def turning_rate(body, matrix, gradient, strain, seen, rate):
-    """Angular velocity (3,) in the laboratory of a body turned by matrix (3, 3); fills the strain it sees."""
-    turn_back(matrix, strain, seen)
+def turning_rate(body, matrix, gradient, seen, rate):
+    """Angular velocity (3,) in the laboratory of a body turned by matrix (3, 3), which sees the strain `seen` (5,)."""
     for k in range(3):
-        local = 0.0
-        for c in range(3):
-            spin = 0.0
-            for e in range(5):
-                spin += body.spin[c, e] * seen[e]
-            local += matrix[k, c] * spin
-        rate[k] = local
+        rate[k] = 0.0
+    for c in range(3):
+        spin = 0.0
+        for e in range(5):
+            spin += body.spin[c, e] * seen[e]
+        for k in range(3):
+            rate[k] += matrix[k, c] * spin
     rate[0] += 0.5 * (gradient[2, 1] - gradient[1, 2])
     rate[1] += 0.5 * (gradient[0, 2] - gradient[2, 0])
     rate[2] += 0.5 * (gradient[1, 0] - gradient[0, 1])
@@ -418,12 +414,14 @@ def tumble(body, matrix, centre, gradient, strain, duration, step, limit):
     half, turn, middle, after = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     velocity = np.empty(3)
     elapsed, largest = 0.0, 0.0
+    turn_back(matrix, strain, seen)
     while elapsed < duration - 1e-12:
         h = min(step, duration - elapsed)
-        turning_rate(body, matrix, gradient, strain, seen, rate)
+        turning_rate(body, matrix, gradient, seen, rate)
         rotation(rate * (0.5 * h), half)
         multiply(half, matrix, middle)
-        turning_rate(body, middle, gradient, strain, seen, rate)
+        turn_back(middle, strain, seen)
+        turning_rate(body, middle, gradient, seen, rate)
         for k in range(3):
             velocity[k] = gradient[k, 0] * centre[0] + gradient[k, 1] * centre[1] + gradient[k, 2] * centre[2]
             for c in range(3):
