@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from mcdem.hydrodynamics.far_field import basis_contract
+from mcdem.hydrodynamics.far_field import basis_contract, five_tensor
 from mcdem.hydrodynamics.two_sphere import lubrication_scalars
 
 # How the scalars of the pairs 21 and 22 follow from those of 12 and 11 when the spheres are equal: Y^B, X^G and
@@ -23,11 +23,11 @@ def pair_scalars(gap, table, raw, scalars):
     """Two-body differences of two equal spheres at `gap` h/a into scalars (11, 4); raw (22,) is work space."""
     lubrication_scalars(gap, table, raw)
     for family in range(11):
-        sign = -1.0 if family in _ODD else 1.0
-        scalars[family, 0] = raw[2 * family]
-        scalars[family, 1] = raw[2 * family + 1]
-        scalars[family, 2] = sign * raw[2 * family + 1]
-        scalars[family, 3] = sign * raw[2 * family]
+        scalars[family, 0] = scalars[family, 3] = raw[2 * family]
+        scalars[family, 1] = scalars[family, 2] = raw[2 * family + 1]
+    for family in _ODD:
+        scalars[family, 2] = -scalars[family, 2]
+        scalars[family, 3] = -scalars[family, 3]
 
 
 @njit(cache=True, inline="always")
@@ -118,37 +118,69 @@ def add_pair_drive(s, i, j, d, strain, shift, drive):
 
 
 @njit(cache=True)
+def add_pair_load(s, i, j, d, rates, load):
+    """Add the torques and forces that one pair's resistance puts against rates; arguments as `add_pair_resistance`.
+
+    rates, load : (6N,), ordered (omega | u) and (T | F)
+    """
+    n = load.shape[0] // 6
+    for a in range(2):
+        sphere = i if a == 0 else j
+        f0 = f1 = f2 = t0 = t1 = t2 = 0.0
+        for b in range(2):
+            other = i if b == 0 else j
+            u0, u1, u2 = rates[3 * (n + other)], rates[3 * (n + other) + 1], rates[3 * (n + other) + 2]
+            w0, w1, w2 = rates[3 * other], rates[3 * other + 1], rates[3 * other + 2]
+            # Y^B of T_a from u_b, and transposed that of F_a from omega_b.
+            xa, ya, turned, back = s[0, 2 * a + b], s[1, 2 * a + b], s[2, 2 * a + b], s[2, 2 * b + a]
+            xc, yc = s[3, 2 * a + b], s[4, 2 * a + b]
+            along = (xa - ya) * (u0 * d[0] + u1 * d[1] + u2 * d[2])
+            f0 += ya * u0 + along * d[0] - back * (w1 * d[2] - w2 * d[1])
+            f1 += ya * u1 + along * d[1] - back * (w2 * d[0] - w0 * d[2])
+            f2 += ya * u2 + along * d[2] - back * (w0 * d[1] - w1 * d[0])
+            along = (xc - yc) * (w0 * d[0] + w1 * d[1] + w2 * d[2])
+            t0 += yc * w0 + along * d[0] + turned * (u1 * d[2] - u2 * d[1])
+            t1 += yc * w1 + along * d[1] + turned * (u2 * d[0] - u0 * d[2])
+            t2 += yc * w2 + along * d[2] + turned * (u0 * d[1] - u1 * d[0])
+        load[3 * sphere] += t0
+        load[3 * sphere + 1] += t1
+        load[3 * sphere + 2] += t2
+        load[3 * (n + sphere)] += f0
+        load[3 * (n + sphere) + 1] += f1
+        load[3 * (n + sphere) + 2] += f2
+
+
+@njit(cache=True)
 def add_pair_stresslet(s, i, j, d, rates, strain_five, stresslet):
     """Add one pair's stresslets (exerted on the fluid): G u + H omega - M E.
 
     rates : (6N,) (omega - omega_inf | u - u_inf);  strain_five (5,);  stresslet (N, 5)
     """
     n = stresslet.shape[0]
-    q = np.empty((5, 3))
+    q, tensor = np.empty((5, 3)), np.empty((3, 3))
     basis_contract(d, q)
-    qd = np.empty(5)
-    for k in range(5):
-        qd[k] = q[k, 0] * d[0] + q[k, 1] * d[1] + q[k, 2] * d[2]
+    five_tensor(strain_five, tensor)
+    e0 = tensor[0, 0] * d[0] + tensor[0, 1] * d[1] + tensor[0, 2] * d[2]
+    e1 = tensor[1, 0] * d[0] + tensor[1, 1] * d[1] + tensor[1, 2] * d[2]
+    e2 = tensor[2, 0] * d[0] + tensor[2, 1] * d[1] + tensor[2, 2] * d[2]
+    stretch = e0 * d[0] + e1 * d[1] + e2 * d[2]
     for a in range(2):
         sphere = i if a == 0 else j
+        # The stresslet is the symmetric traceless part of d v, and a share of the strain.
+        v0 = v1 = v2 = whole = 0.0
         for b in range(2):
             other = i if b == 0 else j
             pair = 2 * a + b
             u0, u1, u2 = rates[3 * (n + other)], rates[3 * (n + other) + 1], rates[3 * (n + other) + 2]
             w0, w1, w2 = rates[3 * other], rates[3 * other + 1], rates[3 * other + 2]
-            ud = u0 * d[0] + u1 * d[1] + u2 * d[2]
-            c0, c1, c2 = w1 * d[2] - w2 * d[1], w2 * d[0] - w0 * d[2], w0 * d[1] - w1 * d[0]
-            for k in range(5):
-                qu = q[k, 0] * u0 + q[k, 1] * u1 + q[k, 2] * u2
-                qc = q[k, 0] * c0 + q[k, 1] * c1 + q[k, 2] * c2
-                value = s[5, pair] * qd[k] * ud + 2.0 * s[6, pair] * (qu - qd[k] * ud) + 2.0 * s[7, pair] * qc
-                for m in range(5):
-                    mixed = q[k, 0] * q[m, 0] + q[k, 1] * q[m, 1] + q[k, 2] * q[m, 2]
-                    both = qd[k] * qd[m]
-                    unit = 1.0 if k == m else 0.0
-                    value -= strain_five[m] * (
-                        1.5 * s[8, pair] * both
-                        + 2.0 * s[9, pair] * (mixed - both)
-                        + s[10, pair] * (unit + 0.5 * both - 2.0 * mixed)
-                    )
-                stresslet[sphere, k] += value
+            xg, yg, yh, xm, ym, zm = s[5, pair], s[6, pair], s[7, pair], s[8, pair], s[9, pair], s[10, pair]
+            along = (xg - 2.0 * yg) * (u0 * d[0] + u1 * d[1] + u2 * d[2])
+            along -= (1.5 * xm - 2.0 * ym + 0.5 * zm) * stretch
+            mixed = 2.0 * (ym - zm)
+            v0 += along * d[0] + 2.0 * yg * u0 + 2.0 * yh * (w1 * d[2] - w2 * d[1]) - mixed * e0
+            v1 += along * d[1] + 2.0 * yg * u1 + 2.0 * yh * (w2 * d[0] - w0 * d[2]) - mixed * e1
+            v2 += along * d[2] + 2.0 * yg * u2 + 2.0 * yh * (w0 * d[1] - w1 * d[0]) - mixed * e2
+            whole += zm
+        for k in range(5):
+            value = q[k, 0] * v0 + q[k, 1] * v1 + q[k, 2] * v2
+            stresslet[sphere, k] += value - whole * strain_five[k]

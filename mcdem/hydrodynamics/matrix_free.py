@@ -136,24 +136,11 @@ def distant_load(positions, radii, rates, reach, cutoff, shifted, table, load):
     loads = np.zeros((SHARES, 6 * n))
     for share in prange(SHARES):
         raw, scalars, d = np.empty(22), np.empty((11, 4)), np.empty(3)
-        local, pair, rows = np.empty((12, 12)), np.empty(12), np.empty(12, np.int64)
         for i in range(share, n, SHARES):
             for j in range(i):
-                if not beyond(positions, i, j, reach):
-                    continue
-                pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d)
-                local[:] = 0.0
-                lubrication.add_pair_resistance(scalars, 1, 0, d, local)
-                for k in range(3):
-                    rows[k], rows[3 + k] = 3 * j + k, 3 * i + k
-                    rows[6 + k], rows[9 + k] = 3 * (n + j) + k, 3 * (n + i) + k
-                for k in range(12):
-                    pair[k] = rates[rows[k]]
-                for row in range(12):
-                    for column in range(row):
-                        loads[share, rows[row]] += local[row, column] * pair[column]
-                        loads[share, rows[column]] += local[row, column] * pair[row]
-                    loads[share, rows[row]] += local[row, row] * pair[row]
+                if beyond(positions, i, j, reach):
+                    pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d)
+                    lubrication.add_pair_load(scalars, i, j, d, rates, loads[share])
     for share in range(SHARES):
         load += loads[share]
 
