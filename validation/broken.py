@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from unittest import mock
 
 import numpy as np
@@ -198,9 +199,34 @@ def aggregation_half() -> Iterator[None]:
 def clock_slow() -> Iterator[None]:
     """The process time of a run is read as twice what it was."""
     from mcdem.runs import Run
+    from validation import datasets
 
-    intact = Run.time.fget  # type: ignore[attr-defined]
-    with mock.patch.object(Run, "time", property(lambda self: 2.0 * intact(self))):
+    intact, series = Run.time.fget, datasets.series  # type: ignore[attr-defined]
+
+    def slow():
+        run = series()
+        return replace(run, time=2.0 * run.time)
+
+    with (
+        mock.patch.object(Run, "time", property(lambda self: 2.0 * intact(self))),
+        mock.patch.object(datasets, "series", slow),
+    ):
+        yield
+
+
+@contextlib.contextmanager
+def outcomes_shuffled() -> Iterator[None]:
+    """The encounters of the committed table have each other's outcomes, whatever their sizes."""
+    from validation import datasets
+
+    intact = datasets.kernels
+
+    def shuffled():
+        table = intact()
+        drawn = np.random.default_rng(0).permutation(table.records.outcome)
+        return table.with_records(replace(table.records, outcome=drawn))
+
+    with mock.patch.object(datasets, "kernels", shuffled):
         yield
 
 
@@ -253,6 +279,7 @@ WAYS: dict[str, Callable[[], contextlib.AbstractContextManager]] = {
         flat_encounter_rates,
         aggregation_half,
         clock_slow,
+        outcomes_shuffled,
         smallest_for_largest,
         coarse_default,
     )

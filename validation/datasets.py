@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING
 from mcdem.errors import UserError
 
 if TYPE_CHECKING:
+    from pbekit.compare import MonteCarlo
+    from pbekit.tables import KernelTable
     from validation.case import Context
 
 FOLDER = Path(__file__).parent.parent / "notebooks" / "data"
 YOUNG = FOLDER / "small-1000Pa.nc"
 """A short run, taken where no long one is committed."""
+KERNELS, SERIES = FOLDER / "kernels-1000Pa.nc", FOLDER / "run-1000Pa.nc"
+"""Encounters in a table, and the series and sizes of the run that they are from."""
 
 
 def runs(context: Context) -> tuple[Path, ...]:
@@ -32,6 +36,20 @@ def _whole(path: Path) -> bool:
             return True
     except UserError:
         return False
+
+
+def kernels() -> KernelTable:
+    """The committed table of encounters."""
+    from pbekit.tables import KernelTable
+
+    return KernelTable.load(KERNELS)
+
+
+def series() -> MonteCarlo:
+    """Sizes over time of the run behind the table."""
+    from pbekit.compare import MonteCarlo
+
+    return MonteCarlo.read(SERIES)
 
 
 def checkout(context: Context) -> tuple[Path, ...]:

@@ -7,37 +7,56 @@ import math
 import numpy as np
 
 from mcdem.figures.style import BLUE, GREY, VERMILION, canvas, legend
-from validation.case import Case, Context, Findings, above, below
+from validation.case import Case, Context, Findings, Verdict, above, below
 
 SHAPES = {"round": 1.0, "elongated": 3.0}
 SIZES, QUICK = (8, 14, 22, 32), (8, 14)
 STRAIN = 12.0
 """g t of a run: about one turn."""
 SAMPLE = 0.25
+MODULUS = 3.4
+"""E [GPa], as in the paper."""
 LOW_LOAD = 0.4
 """Share of the pull-off force that the calm run reaches."""
+SOFT = "elongated, 32"
+"""A packing that is nearly floppy: its softest mode is nine times as soft as that of the round one of its size."""
+GIVES_WAY = (
+    "a nearly floppy mode: it gives way elastically as the cluster turns, and the drag of that motion, which statics of a rigid "
+    "cluster leaves out, is borne by the same bonds"
+)
 
 
-def scene(stress: float):
+def scene(stress: float, modulus: float = MODULUS):
     import mcdem
 
     return mcdem.load_scene("scenes/paper-1000Pa.toml").with_changes(
-        {"flow.shear_stress": f"{stress} Pa", "numerics.max_step": 0.05}
+        {
+            "flow.shear_stress": f"{stress} Pa",
+            "effects.jkr.elastic_modulus": f"{modulus} GPa",
+            "numerics.max_step": 0.05,
+        }
     )
 
 
 def parts(context: Context):
     sizes = QUICK if context.quick else SIZES
-    return {f"{name}, {n}": [n, ratio] for name, ratio in SHAPES.items() for n in sizes}
+    named = {f"{name}, {n}": [n, ratio, MODULUS] for name, ratio in SHAPES.items() for n in sizes}
+    named |= {SOFT: [32, SHAPES["elongated"], MODULUS]}
+    return (
+        named
+        if context.quick
+        else named | {f"{SOFT}, contacts stiffer": [32, SHAPES["elongated"], 10 * MODULUS]}
+    )
 
 
 def measure(context: Context, part):
     from mcdem.encounter import Recorder
+    from mcdem.rigidity import rigidity_matrix
     from validation.exact.alone import Held, bond_tensions, sheared, threshold
     from validation.exact.packings import isostatic
     from validation.hard_cases.shapes import settled
 
-    size, ratio = part
+    size, ratio, modulus = part
     centres = isostatic(size, ratio, context.seed)
 
     def cluster(at):
@@ -46,10 +65,10 @@ def measure(context: Context, part):
     def statics(at, positions, bonds):
         return bond_tensions(positions, bonds, Held(at, positions / at.suspension.radius).forces())
 
-    start = scene(500.0)
+    start = scene(500.0, modulus)
     adhesion = start.effects.jkr.kernel(start).pull_off_force * start.reduced.force
     first = statics(start, cluster(start).positions, cluster(start).bonds).max()
-    calm = scene(500.0 * 0.5 * LOW_LOAD * adhesion / first)
+    calm = scene(500.0 * 0.5 * LOW_LOAD * adhesion / first, modulus)
     aggregate, record = cluster(calm), Recorder(interval=SAMPLE)
     result = sheared(calm, aggregate, STRAIN, shortcuts=False, record=record)
     i, j = aggregate.bonds.T
@@ -59,10 +78,12 @@ def measure(context: Context, part):
     predicted = calm.flow.shear_stress * adhesion / still.max()
 
     def loses_a_bond(stress: float) -> bool:
-        at = scene(stress)
+        at = scene(stress, modulus)
         return math.isfinite(sheared(at, cluster(at), STRAIN, shortcuts=False).first_bond_loss_time)
 
+    softest = np.linalg.svd(rigidity_matrix(centres, aggregate.bonds), compute_uv=False).min() ** 2
     return {
+        "softest": softest,
         "time": record.time[inside] * calm.flow.shear_rate,
         "moving": moving.max(axis=1) / adhesion,
         "still": still.max(axis=1) / adhesion,
@@ -79,7 +100,8 @@ def judge(context: Context, found):
         ratio = n["found"] / n["predicted"]
         checks += [
             below(f"{name} primaries: largest deviation of any tension at any time from statics, over the largest tension",
-                  n["worst"], 0.05),
+                  n["worst"], 0.05, gap=GIVES_WAY if name == SOFT else "",
+                  why=f"softest mode of the packing: {n['softest']:.2g} of a lone contact's stiffness"),
             above(f"{name} primaries: stress of the first bond loss over that by statics", ratio, 0.97, error=0.005),
             below(f"{name} primaries: the same, from above", ratio, 1.08, error=0.005),
         ]  # fmt: skip
@@ -113,4 +135,7 @@ CASE = Case(
     judge=judge,
     parts=parts,
     seen=("weak_contacts",),
+    expected=Verdict.known_gap,
+    because="one packing, nearly floppy, gives way by its softest mode as it turns; statics of a rigid cluster is then 10 % off, "
+    "the first bond loss still within 2 %",
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mcdem.figures.style import BLUE, VERMILION, canvas, legend
-from validation.case import Case, Context, Findings, below, near
+from validation.case import Case, Context, Findings, Verdict, below, near
 
 GAP = 1e-4
 SIDE = 2.0 + GAP
@@ -31,7 +31,11 @@ CLUSTERS = {
     "square": polygon(4),
     "tetrahedron": TETRAHEDRON,
 }
-QUICK = ("doublet", "chain of 3", "triangle")
+QUICK = ("doublet", "chain of 3", "triangle", "tetrahedron")
+GAP_OF_METHOD = (
+    "Stokesian dynamics' own error: lubrication is pairwise and moments beyond the stresslet are left out, felt most where every "
+    "sphere touches several"
+)
 
 
 def parts(context: Context):
@@ -109,7 +113,7 @@ def judge(context: Context, found):
         ours, exact = np.array(numbers["toolkit"]), np.array(numbers["exact"])
         for what, rows in (("drag", slice(0, 3)), ("torque", slice(3, 6))):
             error = np.abs(ours / exact - 1)[rows].max()
-            checks.append(below(f"{name}: {what}, largest relative error", error, 0.015))
+            checks.append(below(f"{name}: {what}, largest relative error", error, 0.015, gap=GAP_OF_METHOD))
         if "rates" in numbers:
             mine, theirs = (axis_ratio(rates) for rates in numbers["rates"])
             checks.append(near(f"{name}: equivalent axis ratio", mine, theirs, rel=0.015))
@@ -153,4 +157,7 @@ CASE = Case(
     judge=judge,
     parts=parts,
     seen=("strain_sign", "no_lubrication"),
+    expected=Verdict.known_gap,
+    because="Stokesian dynamics' own error is shown: the drag of a touching square comes out 1.7 % high and that of a "
+    "tetrahedron 2.5 %; doublets are exact, chains and triangles within 1.5 %",
 )

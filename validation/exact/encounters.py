@@ -27,18 +27,28 @@ def constant_kernel(scene, first, second, seed) -> EncounterResult:
     """Efficiency (2a)^3/(R_i + R_j)^3: every pair merges at the rate at which two primaries meet."""
     radius = scene.suspension.radius
     reach = first.outer_radius(radius) + second.outer_radius(radius)
-    total = first.size + second.size
-    sticks = seed.random() < (2.0 * radius / reach) ** 3
-    products: tuple[Aggregate, ...]
-    members: tuple[np.ndarray, ...]
-    if sticks:
-        products, members = (compact(total, radius),), (np.arange(total),)
+    return _met(scene, first, second, seed.random() < (2.0 * radius / reach) ** 3)
+
+
+def sticking(scene, first, second, seed, efficiency: float, largest: int) -> EncounterResult:
+    """Pairs merge with one efficiency; what would be larger than `largest` falls into halves."""
+    return _met(scene, first, second, seed.random() < efficiency, largest)
+
+
+def _met(scene, first, second, sticks: bool, largest: float = math.inf) -> EncounterResult:
+    """An encounter whose parents merge, or pass; too large a product splits."""
+    radius, total = scene.suspension.radius, first.size + second.size
+    if not sticks:
+        outcome, sizes = "missed", [first.size, second.size]
+        products: tuple[Aggregate, ...] = (first, second)
     else:
-        products, members = (first, second), (np.arange(first.size), np.arange(first.size, total))
+        sizes = [total] if total <= largest else [total // 2, total - total // 2]
+        outcome = "aggregation" if len(sizes) == 1 else "fragmentation"
+        products = tuple(compact(size, radius) for size in sizes)
     return EncounterResult(
-        outcome="aggregation" if sticks else "missed",
+        outcome=outcome,
         products=products,
-        members=members,
+        members=tuple(np.split(np.arange(total), np.cumsum(sizes)[:-1])),
         centres=np.zeros((len(products), 3)),
         offset=(0.0, radius),
         contact=sticks,

@@ -13,6 +13,7 @@ from functools import cache
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
 
 from mcdem.hydrodynamics import pair_tensors, two_sphere
 
@@ -97,5 +98,75 @@ def van_der_waals(scene):
         near = (1.0 + 3.54 * p) / (1.0 + 1.77 * p) ** 2
         retarded = near if p < 0.5709 else 0.98 / p - 0.434 / p**2 + 0.0674 / p**3
         return -law.hamaker_constant * units.length / (12.0 * distance**2) * retarded / units.force
+
+    return force
+
+
+# Uniaxial extension u = e (-x/2, -y/2, z), where trajectories lie in planes through the axis
+
+
+def meets_in_extension(height: float, start: float, force) -> bool:
+    """Whether two spheres meet whose streamline enters the sphere of contact, r = 2 a, at `height` [a] along the axis.
+
+    start : distance [a] from which they are followed, on the undisturbed streamline r^3 sin^2 cos = const;  rate e = 1
+    """
+    cosine = 0.5 * height
+    stream = 8.0 * cosine * (1.0 - cosine**2) / start**3
+    from_axis = np.arccos(brentq(lambda c: c * (1.0 - c * c) - stream, 0.0, np.sqrt(1.0 / 3.0)))
+
+    def velocity(_, place):
+        distance, angle = place
+        gap = max(distance - 2.0, NEAREST)
+        one_minus_a, b, g = mobility_functions()(np.log(gap))
+        squeeze = gap / (1.0 + gap)
+        cosine = np.cos(angle)
+        return [
+            squeeze * (one_minus_a * distance * (1.5 * cosine**2 - 0.5) + g * force(gap)),
+            -(1.0 - b) * 1.5 * np.sin(angle) * cosine,
+        ]
+
+    def meet(_, place):
+        return place[0] - (2.0 + 10 * NEAREST)
+
+    def part(_, place):
+        # Past the cone on which the flow turns from inward to outward, and on the way out.
+        return place[0] - 4.0 if np.cos(place[1]) ** 2 > 1.0 / 3.0 else -1.0
+
+    for event in (meet, part):
+        event.terminal = True  # type: ignore[attr-defined]
+    solution = solve_ivp(
+        velocity,
+        (0.0, 200.0),
+        [start, from_axis],
+        method="DOP853",
+        rtol=1e-9,
+        atol=1e-11,
+        events=[meet, part],
+    )
+    return len(solution.t_events[0]) > 0
+
+
+def extension_efficiency(force, start: float, tolerance: float = 2e-5) -> float:
+    """Share of what flows into the sphere of contact that meets, by bisection of the height to `tolerance` [a]."""
+    low, high = 0.0, 2.0 / np.sqrt(3.0)
+    while high - low > tolerance:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if meets_in_extension(middle, start, force) else (low, middle)
+    return inflow_below(0.5 * (low + high))
+
+
+def inflow_below(height: float) -> float:
+    """Share of the inflow of extension through r = 2 a that enters at less than `height` [a] from the plane z = 0."""
+    cosine = 0.5 * height
+    return float(1.5 * np.sqrt(3.0) * cosine * (1.0 - cosine**2))
+
+
+def hamaker(attraction: float):
+    """gap [a] -> force [6 pi mu a^2 e] of the unretarded attraction of two spheres (Hamaker 1937), by its C_A."""
+
+    def force(gap):
+        s = gap + 2.0
+        q = s * s - 4.0
+        return -attraction * (4.0 * s / q**2 + 4.0 / s**3 - 2.0 * s / q + 2.0 / s)
 
     return force
