@@ -24,7 +24,7 @@ import scipy.linalg
 import threadpoolctl
 
 import mcdem
-from mcdem.cost import draw_pairs
+from mcdem.cost import draw_pairs, warm_up
 from mcdem.random_streams import stream
 from mcdem.runs import Run
 
@@ -192,8 +192,8 @@ def encounters(run: Path, scene: mcdem.Scene, starts: int, seed: int) -> None:
     given = scene.with_changes({"numerics.scheme": "implicit"})
     paper = given.with_changes({"numerics.scheme": "paper", "numerics.paper_step_velocity": "normal"})
     pairs = draw_pairs(scene, [run], starts, seed)
-    for warm in (given, paper.with_changes({"numerics.rotations": 0.01})):
-        mcdem.simulate_encounter(warm, *pairs[0], seed=0)
+    warm_up(given, pairs[0])
+    mcdem.simulate_encounter(paper.with_changes({"numerics.rotations": 0.01}), *pairs[0], seed=0)
     print(f"\nEncounters of {run.name} (population of its late snapshots), process time of one thread")
     print(f"{'primaries':>9} {'default, ms':>12} {'steps':>7} {'paper, ms':>12} {'steps':>8} {'ratio':>7}")
     ratios = []
@@ -217,7 +217,7 @@ def events(run: Path, scene: mcdem.Scene, count: int, seed: int) -> None:
     """Print what an encounter of the population costs under the default, by number of primaries, and what 283 s would."""
     opened = Run(run)
     pairs = draw_pairs(scene, [run], count, seed)
-    mcdem.simulate_encounter(scene, *pairs[0], seed=0)
+    warm_up(scene, pairs[0])
     cpu = np.array(
         [
             mcdem.simulate_encounter(scene, *p, seed=stream(seed, "events", k)).cpu_time

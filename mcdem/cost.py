@@ -199,7 +199,20 @@ def warm_up(scene: Scene, pair: Pair) -> None:
     signature = (*map(type, flow), *map(type, physics), scene.numerics.scheme)
     if signature not in _WARM:
         simulate_encounter(scene, *pair, seed=0)
+        if scene.effects.contact is not None:
+            warm_up_bodies(scene)
         _WARM.add(signature)
+
+
+def warm_up_bodies(scene: Scene) -> None:
+    """Two tetrahedra meet, or miss each other and turn on as bodies."""
+    radius = scene.suspension.radius
+    corners = radius / np.sqrt(2.0) * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    bonds = [(i, j) for j in range(4) for i in range(j)]
+    tetrahedron = Aggregate.from_positions(scene, corners, bonds)
+    turning = scene.with_changes({"numerics.end_inert": False, "numerics.rotations": 0.1})
+    for height in (1.0, 5.0):
+        simulate_encounter(turning, tetrahedron, tetrahedron, offset=(0.0, height * radius), seed=0)
 
 
 def follow(scene: Scene, seed: int, number: int, pair: Pair) -> Sample:

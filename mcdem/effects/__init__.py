@@ -185,7 +185,7 @@ def contact_gap(force, radius, jkr, dmt):
 def contact_pull_off_gap(radius, jkr, dmt):
     """Gap beyond which a contact is lost."""
     if jkr is not None:
-        return jkr.pull_off_gap * radius ** (1.0 / 3.0)
+        return jkr.pull_off_gap * (radius ** (1.0 / 3.0) if radius != 1.0 else 1.0)
     return 0.0
 
 
@@ -202,7 +202,7 @@ def contact_pull_off_force(radius, jkr, dmt):
 @njit(cache=True)
 def contact_equilibrium(radius, jkr, dmt):
     """(gap, stiffness) of a contact without load."""
-    growth = radius ** (1.0 / 3.0)
+    growth = radius ** (1.0 / 3.0) if radius != 1.0 else 1.0
     if jkr is not None:
         return jkr.equilibrium_gap * growth, jkr.equilibrium_stiffness * growth * growth
     if dmt is not None:

@@ -530,9 +530,10 @@ def attempt(motion, history, flow, physics, options, log, gaps, work, bodies, st
                 if abs(work.end_gaps[i, j] - gaps[i, j]) > room:
                     reject = True
                 # A contact is made no deeper than it bears the drag of a sphere: stiff ones would start far beyond.
-                deepest = contact_gap(1.0, harmonic_radius(radii[i], radii[j]), jkr, dmt)
-                if work.end_gaps[i, j] < min(gaps[i, j], 0.0) + deepest:
-                    reject = True
+                if work.end_gaps[i, j] < min(gaps[i, j], 0.0):
+                    deepest = contact_gap(1.0, harmonic_radius(radii[i], radii[j]), jkr, dmt)
+                    if work.end_gaps[i, j] < min(gaps[i, j], 0.0) + deepest:
+                        reject = True
         if reject:
             step *= 0.5
             continue
