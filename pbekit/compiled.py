@@ -8,6 +8,9 @@ How events become products, in three steps: cells meet (weights over pairs of ce
 row over *slots* (pairs of classes choose a row; a class is a run of cells of one size whose products are alike),
 slots become cells (a row of shapes per size and kind of event).  A slot is (kind of event v, size p).
 
+Inner loops run over slices from zero on: an index that could be negative would be wrapped, which forbids vector
+instructions.
+
 Legend: K cells, C classes, E kinds of pair event, V variants of product shapes, S sizes, T overflow entries
 (number and masses), W = S + T slots per variant.  The state is (n_1 ... n_K, overflow).
 """
@@ -34,27 +37,29 @@ class Geometry(NamedTuple):
     tail: int  # T
 
 
+class Products(NamedTuple):
+    """Rows of products over slots, each row in runs of neighbouring slots."""
+
+    row: np.ndarray  # (rows + 1,) int64 first run of each row
+    run: np.ndarray  # (runs + 1,) int64 first entry of each run
+    slot: np.ndarray  # (runs,) int64 slot of that entry
+    number: np.ndarray  # (nnz,) products of the event that fall on each slot
+    carried: np.ndarray  # (nnz,) the mass they carry; (0,) unless cell average
+
+
 class Encounters(NamedTuple):
     """Events of two aggregates, both of which are consumed."""
 
     weight: np.ndarray  # (E, K, K) rate times probability of the event, symmetric
-    row: (
-        np.ndarray
-    )  # (E, C (C + 1) / 2) int64 product row of each pair of classes A <= B, at B (B + 1) / 2 + A
-    start: np.ndarray  # (rows + 1,) int64 where each product row begins
-    slot: np.ndarray  # (nnz,) int64
-    number: np.ndarray  # (nnz,) products of the event that fall on the slot
-    carried: np.ndarray  # (nnz,) the mass they carry; (0,) unless cell average
+    row: np.ndarray  # (E, C (C + 1) / 2) int64 row of products of classes A <= B, at B (B + 1) / 2 + A
+    products: Products
 
 
 class FirstOrder(NamedTuple):
     """Events of one aggregate, which is consumed."""
 
     rate: np.ndarray  # (K,)
-    row: np.ndarray  # (K + 1,) int64
-    slot: np.ndarray
-    number: np.ndarray
-    carried: np.ndarray
+    products: Products  # one row a cell
 
 
 class Restructuring(NamedTuple):
@@ -63,77 +68,82 @@ class Restructuring(NamedTuple):
     rate: np.ndarray  # (K, K) rate at which i meets j and both survive
     partner_start: np.ndarray  # (G + 1,) int64 groups of partners (runs of cells) with their own transitions
     first_cell: np.ndarray  # (K,) int64 first cell of the cell's size
+    shapes: np.ndarray  # (K,) int64 cells of the cell's size
     transition: np.ndarray  # (G, K, most shapes) probability of the shape after
+
+
+@njit(cache=True, fastmath=FAST)
+def _add_products(products, rows, frequency, slots, slot_mass):
+    """Add the products of events to the slots: those of row rows[k] at frequency[k]."""
+    averaged = slot_mass.size > 0
+    for k in range(rows.size):
+        if frequency[k] == 0.0:
+            continue
+        for q in range(products.row[rows[k]], products.row[rows[k] + 1]):
+            begin, end = products.run[q], products.run[q + 1]
+            number, into = products.number[begin:end], slots[products.slot[q] :]
+            for r in range(number.size):
+                into[r] += frequency[k] * number[r]
+            if averaged:
+                carried, mass = products.carried[begin:end], slot_mass[products.slot[q] :]
+                for r in range(carried.size):
+                    mass[r] += frequency[k] * carried[r]
 
 
 @njit(cache=True, fastmath=FAST)
 def _pair_rates(n, class_start, encounters, slots, slot_mass, consumed):
     """Add the products of all pair events to the slots, and the frequency of events to `consumed` (K,)."""
-    weight, row, start = encounters.weight, encounters.row, encounters.start
+    weight, products = encounters.weight, encounters.products
     classes = class_start.size - 1
     partial = np.empty(n.size)
-    events = np.zeros(start.size - 1)
-    averaged = slot_mass.size > 0
+    events = np.zeros(products.row.size - 1)
     for e in range(weight.shape[0]):
-        w = weight[e]
         for b in range(classes):
             begin, end = class_start[b], class_start[b + 1]
-            partial[:end] = 0.0
-            # One sweep over the rows of class b below the diagonal block serves both partners.
+            smaller, both, seen_by = n[:begin], n[:end], partial[:end]
+            seen_by[:] = 0.0
+            # One pass over the rows of class b up to its diagonal block serves both partners.
             for j in range(begin, end):
-                nj, wj, seen = n[j], w[j], 0.0
-                for i in range(begin):
-                    partial[i] += wj[i] * nj
-                    seen += wj[i] * n[i]
-                for i in range(begin, end):
-                    partial[i] += wj[i] * nj
+                nj, wj, seen = n[j], weight[e, j, :end], 0.0
+                for i in range(seen_by.size):
+                    seen_by[i] += wj[i] * nj
+                for i in range(smaller.size):
+                    seen += wj[i] * smaller[i]
                 consumed[j] += seen
+            for i in range(seen_by.size):
+                consumed[i] += seen_by[i]
+                seen_by[i] *= both[i]
+            row = encounters.row[e, b * (b + 1) // 2 :]
             for a in range(b + 1):
-                frequency = 0.0
-                for i in range(class_start[a], class_start[a + 1]):
-                    frequency += n[i] * partial[i]
-                    consumed[i] += partial[i]
-                if a == b:
-                    frequency *= 0.5
-                events[row[e, b * (b + 1) // 2 + a]] += frequency
-    for k in range(events.size):
-        if events[k] != 0.0:
-            for r in range(start[k], start[k + 1]):
-                slots[encounters.slot[r]] += events[k] * encounters.number[r]
-                if averaged:
-                    slot_mass[encounters.slot[r]] += events[k] * encounters.carried[r]
+                met, frequency = partial[class_start[a] : class_start[a + 1]], 0.0
+                for i in range(met.size):
+                    frequency += met[i]
+                events[row[a]] += 0.5 * frequency if a == b else frequency
+    _add_products(products, np.arange(events.size), events, slots, slot_mass)
 
 
 @njit(cache=True)
 def _first_order_rates(n, first_order, slots, slot_mass, consumed):
-    averaged = slot_mass.size > 0
-    for i in range(n.size):
-        consumed[i] += first_order.rate[i]
-        frequency = first_order.rate[i] * n[i]
-        if frequency != 0.0:
-            for r in range(first_order.row[i], first_order.row[i + 1]):
-                slots[first_order.slot[r]] += frequency * first_order.number[r]
-                if averaged:
-                    slot_mass[first_order.slot[r]] += frequency * first_order.carried[r]
+    consumed += first_order.rate
+    _add_products(first_order.products, np.arange(n.size), first_order.rate * n, slots, slot_mass)
 
 
 @njit(cache=True, fastmath=FAST)
 def _restructure(n, restructuring, out):
-    rate, start = restructuring.rate, restructuring.partner_start
+    start = restructuring.partner_start
     for i in range(n.size):
-        if n[i] == 0.0:
-            continue
         first = restructuring.first_cell[i]
+        after = out[first : first + restructuring.shapes[i]]
         for g in range(start.size - 1):
+            partners, rate = n[start[g] : start[g + 1]], restructuring.rate[i, start[g] : start[g + 1]]
             seen = 0.0
-            for j in range(start[g], start[g + 1]):
-                seen += rate[i, j] * n[j]
+            for j in range(partners.size):
+                seen += rate[j] * partners[j]
             seen *= n[i]
             out[i] -= seen
-            for s in range(restructuring.transition.shape[2]):
-                p = restructuring.transition[g, i, s]
-                if p != 0.0:
-                    out[first + s] += seen * p
+            probability = restructuring.transition[g, i]
+            for s in range(after.size):
+                after[s] += seen * probability[s]
 
 
 @njit(cache=True)
@@ -207,62 +217,55 @@ def right_hand_side(n, geometry, encounters, first_order, restructuring, average
 @njit(cache=True, fastmath=FAST)
 def _pair_slopes(n, class_start, encounters, slots, slot_mass, transposed):
     """d(slots)/dn_i as row i of `slots` (K, V W), and the derivative of the loss into `transposed`."""
-    weight, row, start = encounters.weight, encounters.row, encounters.start
+    weight, row = encounters.weight, encounters.row
     classes = class_start.size - 1
-    averaged = slot_mass.shape[0] > 0
+    met, rows, nothing = np.empty(classes), np.empty(classes, np.int64), np.zeros(0)
     for e in range(weight.shape[0]):
         for a in range(classes):
+            for b in range(classes):
+                rows[b] = row[e, b * (b + 1) // 2 + a if a <= b else a * (a + 1) // 2 + b]
             for i in range(class_start[a], class_start[a + 1]):
-                wi = weight[e, i]
-                total = 0.0
                 for b in range(classes):
-                    met = 0.0
+                    met[b] = 0.0
                     for j in range(class_start[b], class_start[b + 1]):
-                        met += wi[j] * n[j]
-                    total += met
-                    if met != 0.0:
-                        k = row[e, b * (b + 1) // 2 + a if a <= b else a * (a + 1) // 2 + b]
-                        for r in range(start[k], start[k + 1]):
-                            slots[i, encounters.slot[r]] += met * encounters.number[r]
-                            if averaged:
-                                slot_mass[i, encounters.slot[r]] += met * encounters.carried[r]
-                transposed[i, i] -= total
+                        met[b] += weight[e, i, j] * n[j]
+                into_mass = slot_mass[i] if slot_mass.shape[0] > 0 else nothing
+                _add_products(encounters.products, rows, met, slots[i], into_mass)
+                transposed[i, i] -= met.sum()
+                loss, rate = transposed[i], weight[e, i]
                 for j in range(n.size):
-                    transposed[i, j] -= n[j] * wi[j]
+                    loss[j] -= n[j] * rate[j]
 
 
 @njit(cache=True)
 def _first_order_slopes(first_order, slots, slot_mass, transposed):
-    averaged = slot_mass.shape[0] > 0
+    nothing = np.zeros(0)
     for i in range(first_order.rate.size):
-        rate = first_order.rate[i]
-        transposed[i, i] -= rate
-        for r in range(first_order.row[i], first_order.row[i + 1]):
-            slots[i, first_order.slot[r]] += rate * first_order.number[r]
-            if averaged:
-                slot_mass[i, first_order.slot[r]] += rate * first_order.carried[r]
+        transposed[i, i] -= first_order.rate[i]
+        into_mass = slot_mass[i] if slot_mass.shape[0] > 0 else nothing
+        _add_products(first_order.products, np.array([i]), first_order.rate[i : i + 1], slots[i], into_mass)
 
 
 @njit(cache=True, fastmath=FAST)
 def _restructure_slopes(n, restructuring, transposed):
-    rate, start = restructuring.rate, restructuring.partner_start
+    start = restructuring.partner_start
     for i in range(n.size):
         first = restructuring.first_cell[i]
+        last = first + restructuring.shapes[i]
         for g in range(start.size - 1):
+            probability = restructuring.transition[g, i]
             seen = 0.0
             for j in range(start[g], start[g + 1]):
-                seen += rate[i, j] * n[j]
-                transposed[j, i] -= n[i] * rate[i, j]
+                met = n[i] * restructuring.rate[i, j]
+                seen += restructuring.rate[i, j] * n[j]
+                transposed[j, i] -= met
+                after = transposed[j, first:last]
+                for s in range(after.size):
+                    after[s] += met * probability[s]
             transposed[i, i] -= seen
-            shapes = restructuring.transition.shape[2]
-            for s in range(shapes):
-                if restructuring.transition[g, i, s] != 0.0:
-                    transposed[i, first + s] += seen * restructuring.transition[g, i, s]
-            for j in range(start[g], start[g + 1]):
-                met = n[i] * rate[i, j]
-                for s in range(shapes):
-                    if restructuring.transition[g, i, s] != 0.0:
-                        transposed[j, first + s] += met * restructuring.transition[g, i, s]
+            after = transposed[i, first:last]
+            for s in range(after.size):
+                after[s] += seen * probability[s]
 
 
 @njit(cache=True)

@@ -166,11 +166,17 @@ class _Rows:
             r = np.argwhere(wrong)[0][0]
             raise KernelError(f"{name}: products weigh {got[r]} where the parents weigh {parents[r]}")
 
-    def finish(self):
-        join = lambda parts, kind: np.concatenate(parts).astype(kind) if parts else np.zeros(0, kind)
-        starts = np.concatenate([[0], np.cumsum(np.concatenate(self.length))]).astype(np.int64)
-        carried = join(self.carried, float) if self.averaged else np.zeros(0)
-        return starts, join(self.slot, np.int64), join(self.number, float), carried
+    def finish(self) -> compiled.Products:
+        """All rows; a run ends where the next slot is not the neighbour, and with its row."""
+        slot = np.concatenate(self.slot).astype(np.int64)
+        entry = np.concatenate([[0], np.cumsum(np.concatenate(self.length))]).astype(np.int64)
+        begins = np.ones(slot.size, bool)
+        begins[1:] = np.diff(slot) != 1
+        begins[entry[:-1][np.diff(entry) > 0]] = True
+        run = np.append(np.flatnonzero(begins), slot.size).astype(np.int64)
+        carried = np.concatenate(self.carried).astype(float) if self.averaged else np.zeros(0)
+        row = np.searchsorted(run, entry).astype(np.int64)
+        return compiled.Products(row, run, slot[run[:-1]], np.concatenate(self.number).astype(float), carried)
 
 
 def _place_fragments(grid, daughters: Daughters, parent: float, averaged: bool, closed: bool):
@@ -306,10 +312,7 @@ def _encounters(grid, events, class_start, group, variants, averaged, closed) ->
             else:
                 _collisional_rows(grid, event, rows, size_mass, low_size, high_size, weight, offset)
         row_of_pair.append(start + size_pair + (0 if memory is None else larger * high_size.size))
-    start, slot, number, carried = rows.finish()
-    return compiled.Encounters(
-        np.ascontiguousarray(weights), np.array(row_of_pair, np.int64), start, slot, number, carried
-    )
+    return compiled.Encounters(np.ascontiguousarray(weights), np.array(row_of_pair, np.int64), rows.finish())
 
 
 def _collisional_rows(grid, event, rows, size_mass, low_size, high_size, weight, offset):
@@ -389,8 +392,7 @@ def _first_order(grid, events, offset_of, averaged, closed) -> compiled.FirstOrd
         rows.add_block(
             np.concatenate(slot)[None], np.concatenate(number)[None], np.concatenate(carried)[None]
         )
-    start, slot, number, carried = rows.finish()
-    return compiled.FirstOrder(total, start, slot, number, carried)
+    return compiled.FirstOrder(total, rows.finish())
 
 
 def _restructuring(grid, event: Restructuring) -> compiled.Restructuring:
@@ -415,4 +417,5 @@ def _restructuring(grid, event: Restructuring) -> compiled.Restructuring:
     if np.any(transition < 0) or np.any(np.abs(total - 1) > 1e-9):
         raise KernelError("Restructuring: transition rows must be non-negative and add to one")
     first_cell = np.searchsorted(grid.size_of_cell, grid.size_of_cell).astype(np.int64)
-    return compiled.Restructuring(rate, np.asarray(groups, np.int64), first_cell, transition / total)
+    shapes = np.bincount(grid.size_of_cell)[grid.size_of_cell].astype(np.int64)
+    return compiled.Restructuring(rate, np.asarray(groups, np.int64), first_cell, shapes, transition / total)

@@ -374,7 +374,8 @@ class KernelTable:
         x = r.product_size[rows] / r.size.sum(axis=1)[e]
         at = self.pair[e] * bins + np.minimum((x * bins).astype(int), bins - 1)
         count = np.bincount(at, minlength=self.pairs * bins).reshape(self.pairs, bins)
-        mass = np.bincount(at, x, self.pairs * bins).reshape(self.pairs, bins)
+        # Counted from nothing, numpy answers in whole numbers, weights or not.
+        mass = np.bincount(at, x, self.pairs * bins).astype(float).reshape(self.pairs, bins)
         total = mass.sum(axis=1, keepdims=True)
         return np.divide(mass * bins, total, out=np.zeros_like(mass), where=total > 0), count
 

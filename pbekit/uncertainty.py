@@ -224,8 +224,11 @@ def _values(balance, value) -> np.ndarray:
     g, enc = arrays.geometry, arrays.encounters
     slot = np.zeros((len(g.share), balance.grid.sizes + g.tail))
     slot[:, : balance.grid.sizes] = _slot_values(balance, value)
-    row_value = np.add.reduceat(np.append(enc.number * slot.ravel()[enc.slot], 0.0), enc.start[:-1])
-    row_value = np.where(np.diff(enc.start) > 0, row_value, 0.0)
+    made = enc.products
+    of_entry = np.repeat(made.slot - made.run[:-1], np.diff(made.run)) + np.arange(made.number.size)
+    start = made.run[made.row]
+    row_value = np.add.reduceat(np.append(made.number * slot.ravel()[of_entry], 0.0), start[:-1])
+    row_value = np.where(np.diff(start) > 0, row_value, 0.0)
     of_class = np.searchsorted(g.class_start, np.arange(cells), side="right") - 1
     high = np.maximum(of_class[:, None], of_class[None])
     low = np.minimum(of_class[:, None], of_class[None])
@@ -265,7 +268,7 @@ def _fragment_slopes(closure, balance, value, met, p) -> np.ndarray:
     )
     flux[same] = inner
     g, enc = balance.arrays.geometry, balance.arrays.encounters
-    variant = enc.slot[enc.start[enc.row[1, -1]]] // (grid.sizes + g.tail)
+    variant = enc.products.slot[enc.products.row[enc.row[1, -1]]] // (grid.sizes + g.tail)
     slot = np.append(_slot_values(balance, value)[variant], [0.0, 0.0])
     near, fragments = closure._fragment_norm, closure._fragments
     norm = near @ np.ones(closure.scattered.size)

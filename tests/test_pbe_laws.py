@@ -16,6 +16,7 @@ from pbekit import (
     PBEError,
     PopulationBalance,
     Restructuring,
+    ShapeMemory,
     TwoComponentGrid,
     integrate,
     solve,
@@ -170,6 +171,41 @@ def test_right_hand_side_against_its_slow_twin(daughters):
     np.testing.assert_allclose(
         balance.rhs(0, state), slow_twin(grid, state, kernel, daughters, SHARE), rtol=1e-12, atol=1e-12
     )
+
+
+def test_shapes_that_remember_and_change_against_their_slow_twin():
+    """Products shaped by their larger parent, survivors reshaped by who they met: every pair of cells in turn."""
+    rng = np.random.default_rng(7)
+    grid = Grid.primaries(5, largest=14, ratio=1.3).with_shapes([1, 1.6, 2.5, 5])
+    join, pass_by = rng.random((2, grid.cells, grid.cells))
+    join, pass_by = join + join.T, pass_by + pass_by.T
+    rows = rng.random((4, grid.cells))
+    rows /= np.stack([np.bincount(grid.size_of_cell, row)[grid.size_of_cell] for row in rows])
+    memory = ShapeMemory(rows[:3], np.array([0, 0, 1]))
+    groups = np.array([0, 2, 6, grid.cells])
+    after = rng.dirichlet(np.ones(3), (3, grid.cells))
+    balance = PopulationBalance(grid, [Aggregation(join, memory), Restructuring(pass_by, after, groups)])
+    state = population(balance, 8)
+    n, wanted = state[: grid.cells], np.zeros(state.size)
+    for i, j in itertools.combinations_with_replacement(range(grid.cells), 2):
+        met = join[i, j] * n[i] * n[j] / (2 if i == j else 1)
+        wanted[[i]] -= met
+        wanted[[j]] -= met
+        larger = max((grid.size_of_cell[k], grid.shape_of_cell[k]) for k in (i, j))[1]
+        row = rows[0] if larger < 0 else rows[1 + memory.group_of_shape[larger]]
+        slot, share, _ = grid.corners(np.array([grid.mass[i] + grid.mass[j]]))
+        for size, part in zip(slot[0], share[0]):
+            at = grid.size_of_cell == size
+            wanted[: grid.cells] += met * part * at * row
+            if not at.any():
+                wanted[grid.cells + size - grid.sizes] += met * part
+    for i, j in itertools.product(range(grid.cells), repeat=2):
+        seen = pass_by[i, j] * n[i] * n[j]
+        if grid.shape_of_cell[i] >= 0:
+            own = np.flatnonzero(grid.size_of_cell == grid.size_of_cell[i])
+            wanted[i] -= seen
+            wanted[own] += seen * after[np.searchsorted(groups, j, side="right") - 1, i]
+    np.testing.assert_allclose(balance.rhs(0, state), wanted, rtol=0, atol=1e-14 * np.abs(wanted).max())
 
 
 def test_cell_average_against_its_slow_twin():

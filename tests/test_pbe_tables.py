@@ -230,10 +230,12 @@ def test_every_draw_is_physical(seed):
     assert abs(rate @ balance.conserved)[0] < 1e-13 * np.abs(rate) @ balance.conserved[:, 0]
 
 
-def test_a_table_without_breakup_still_makes_a_balance():
+def test_a_table_without_breakup_still_makes_a_file_and_a_balance(tmp_path):
     records = design(np.random.default_rng(0), 4000, LARGEST)
     records = records.select(np.isin(records.outcome, (MISSED, AGGREGATION)))
     closure = closure_of(records)
+    closure.table.save(tmp_path / "k.nc")
+    assert KernelTable.load(tmp_path / "k.nc").to_dataset().fragment_mass_density.sum() == 0
     balance = closure.mean
     assert np.isfinite(balance.rhs(0, balance.state(Grid.primaries(LARGEST).monodisperse(1.0)))).all()
 
