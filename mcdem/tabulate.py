@@ -3,7 +3,8 @@
 Two sources, one table.  A run's event log is re-used as it is.  Designed encounters fill what the run met seldom: pairs of
 classes are chosen by what they contribute to the error of the steady mean size (`pbekit.uncertainty`), per unit of
 work; two aggregates that the run produced are drawn from the classes in proportion to their flux (R_i + R_j)^3, and meet
-under the uniform flux of `mcdem.encounter`.  So within a pair of classes all encounters follow one law.
+under the uniform flux of `mcdem.encounter`.  So within a pair of classes all encounters follow one law.  A steady state
+says little about how growth begins, so encounters of two primaries can be asked for apart.
 
 The table is a function of scene, run, seed and number of encounters, whatever the workers and however often it was
 interrupted: designed encounter k has its own random stream, and rounds of ROUND encounters are planned from what was
@@ -207,8 +208,13 @@ def steady_shares(table: KernelTable, volume_fraction: float) -> tuple[float, Va
     return number / float(steady.population.sum()), variance_shares(closure, steady, gradient)
 
 
-def plan(table: KernelTable, library: Library, volume_fraction: float, seed: int, done: int) -> Plan:
-    """What the next round should sample: by variance shares, or evenly where no steady state is in sight."""
+def plan(
+    table: KernelTable, library: Library, volume_fraction: float, seed: int, done: int, primaries: int = 0
+) -> Plan:
+    """What the next round should sample: by variance shares, or evenly where no steady state is in sight.
+
+    primaries : encounters of two primaries that come before any others
+    """
     b, a = np.tril_indices(table.classes)
     possible = library.has(a, b)
     rng = stream(seed, "kernel design", done)
@@ -226,7 +232,9 @@ def plan(table: KernelTable, library: Library, volume_fraction: float, seed: int
         trials = table.counts.sum(axis=1)
         weight = possible / (1.0 + trials)
         weight = weight / weight.sum()
-    return Plan(rng.choice(table.pairs, ROUND, p=weight), mean_size, error)
+    pairs = rng.choice(table.pairs, ROUND, p=weight)
+    pairs[: max(0, primaries - int(table.counts[0].sum()))] = 0
+    return Plan(pairs, mean_size, error)
 
 
 # -- the process -------------------------------------------------------------------------------------------------------
@@ -264,6 +272,7 @@ def tabulate(
     *,
     encounters: int = 0,
     error: float | None = None,
+    primaries: int = 0,
     aggregates_only: bool = False,
     shape: str = "aspect ratio",
     shapes: int = 3,
@@ -282,6 +291,7 @@ def tabulate(
     runs : datasets of `mcdem run`; their events are re-used and their aggregates are drawn from
     encounters : designed encounters, at most
     error : stop as soon as the relative standard error of the steady <P> is below
+    primaries : designed encounters are of two primaries until the table holds so many of these, for eta_11 and growth
     aggregates_only : draw aggregates from the runs but do not re-use their events (they are of other physics)
     shape, shapes : second coordinate of the classes (see `pbekit.tables.SHAPES`) and how many classes it has
     """
@@ -325,7 +335,7 @@ def tabulate(
         ended_by = "encounters"
         while True:
             begun = done - done % ROUND
-            known = plan(table(begun), library, scene.suspension.volume_fraction, seed, begun)
+            known = plan(table(begun), library, scene.suspension.volume_fraction, seed, begun, primaries)
             if progress is not None:
                 progress(_now(reused, done, encounters, known, started))
             if error is not None and known.error is not None and known.error <= error and begun == done:

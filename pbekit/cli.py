@@ -219,14 +219,74 @@ def compare(
             seen[stress] = run.steady["mean_size"]
         _tell(file, result)
     if all("viscosity" in t.about for t in tables):
-        figures.draw_efficiencies(comparing.efficiencies(tables), output / "eta_11")
-    if len(tables) > 1:
-        law = comparing.stress_law(tables, draws)
-        figures.draw_stress_law(law, seen, output / "stress")
-        for key in ("mean_size", "breakup_size"):
-            q = [law.attrs[f"q_{key}{end}"] for end in ("", "_low", "_high")]
-            typer.echo(f"{key} ~ stress^-q: q = {q[0]:.2f} ({q[1]:.2f} ... {q[2]:.2f})")
+        _over_stresses(tables, seen, output, draws)
     typer.echo(f"figures and their numbers in {output}")
+
+
+@app.command()
+def stresses(
+    kernels: Annotated[list[Path], typer.Argument(metavar="KERNELS...", help="Tables, one per stress.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for figures and numbers.")
+    ],
+    draws: Annotated[int, typer.Option(min=5, help="Posterior draws for the 90 % bands.")] = 60,
+) -> None:
+    """Efficiency of two primaries, steady sizes and breakup size against stress, with their exponents and analytical laws."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from pbekit.tables import KernelTable
+
+    tables = [KernelTable.load(k) for k in kernels]
+    for file, table in zip(kernels, tables, strict=True):
+        if "viscosity" not in table.about:
+            raise PBEError(f"{file}: does not say its viscosity, so its stress is not known")
+    if len(tables) < 2:
+        raise PBEError(
+            f"{kernels[0]}: one table alone says nothing over stresses; give one for each of several"
+        )
+    output.mkdir(parents=True, exist_ok=True)
+    _over_stresses(tables, {}, output, draws)
+    typer.echo(f"figures and their numbers in {output}")
+
+
+def _over_stresses(
+    tables: list[Any], runs: dict[float, tuple[float, float]], output: Path, draws: int
+) -> None:
+    from pbekit import compare as comparing
+    from pbekit import figures
+
+    etas = comparing.efficiencies(tables)
+    figures.draw_efficiencies(etas, output / "eta_11")
+    if len(tables) < 2:
+        return
+    with _Bar("pbekit stresses") as bar:
+        law = comparing.stress_law(tables, draws, lambda share: bar("stresses", share))
+    figures.draw_stress_law(law, runs, output / "stress")
+    for k, stress in enumerate(law.stress.values):
+        one, eta = law.isel(stress=k), etas.isel(stress=k)
+        typer.echo(
+            f"  {stress:6.4g} Pa  eta_11 {float(eta.eta_11):.4f} ({float(eta.eta_11_low):.4f} ... "
+            f"{float(eta.eta_11_high):.4f}; Eq. 23 {float(eta.equation_23):.4f})  "
+            + "  ".join(
+                f"{name} {unit * float(one[key]):.3g} ({unit * float(one[key + '_low']):.3g} ... "
+                f"{unit * float(one[key + '_high']):.3g})"
+                for key, name, unit in STRESS_ROWS
+            )
+            + f"  {100 * float(one.extrapolated):.2g} % extrapolated"
+        )
+    for key, name, _ in STRESS_ROWS:
+        q = [law.attrs[f"q_{key}{end}"] for end in ("", "_low", "_high")]
+        laws = law.attrs.get(f"q_{key}_analytical")
+        beside = "" if laws is None else f"; analytical laws {laws:.2f}"
+        typer.echo(f"{name} ~ stress^-q: q = {q[0]:.2f} ({q[1]:.2f} ... {q[2]:.2f}){beside}")
+
+
+STRESS_ROWS = (
+    ("mean_size", "steady <P>", 1.0),
+    ("breakup_size", "P_br", 1.0),
+    ("sauter_diameter", "d32 [um]", 1e6),
+)
 
 
 INSIDE = (

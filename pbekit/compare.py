@@ -185,6 +185,12 @@ class AnalyticalBalance:
     power: float
     rate: float
 
+    def at(self, table: KernelTable, ratio: float, q: float) -> AnalyticalBalance:
+        """The same laws for a table at `ratio` times the stress, breakup being a function of P/P_br, P_br ~ stress^-q."""
+        grid, rate = _tabulated_encounters(table)
+        rate_of_breakup = self.rate * ratio ** (self.power * q)
+        return AnalyticalBalance(grid, rate, van_de_ven_mason_of(table), self.power, rate_of_breakup)
+
     def balance(self) -> PopulationBalance:
         events: list[Event] = [
             Aggregation(self.efficiency * self.encounter_rate),
@@ -195,10 +201,7 @@ class AnalyticalBalance:
     @classmethod
     def fitted(cls, table: KernelTable, mean_size: float, power: float = 2.0) -> AnalyticalBalance:
         """c such that the steady <P> is `mean_size`; everything else is given."""
-        closure = Closure(table, grid_for(table, shapes=None))
-        weight = closure.weights(None)
-        grid = closure.grid.with_outer_radius(closure.radius_moments(weight)[0])
-        rate = closure.encounter_rate(weight)
+        grid, rate = _tabulated_encounters(table)
         efficiency = van_de_ven_mason_of(table)
         start = start_of(grid, table)
 
@@ -215,6 +218,14 @@ class AnalyticalBalance:
             high += 1.5
         c = optimize.brentq(off, low, high, xtol=1e-3)
         return cls(grid, rate, efficiency, power, float(np.exp(c)))
+
+
+def _tabulated_encounters(table: KernelTable) -> tuple[Grid, np.ndarray]:
+    """Sizes with their mean radii, and the rate at which they meet (K, K) [m^3/s]."""
+    closure = Closure(table, grid_for(table, shapes=None))
+    weight = closure.weights(None)
+    grid = closure.grid.with_outer_radius(closure.radius_moments(weight)[0])
+    return grid, closure.encounter_rate(weight)
 
 
 def settling_time(balance: PopulationBalance, start: np.ndarray, mean_size: float) -> float:
@@ -581,30 +592,79 @@ def breakup_size(closure: Closure, rng: np.random.Generator | None = None) -> fl
     return float(2 * size[above[0]]) if above.size else np.nan
 
 
-def stress_law(tables: list[KernelTable], draws: int = 60) -> xr.Dataset:
-    """Steady <P> and breakup size against stress with bands, and the exponents q of both, <P> ~ stress^-q."""
+def stress_law(
+    tables: list[KernelTable], draws: int = 60, progress: Callable[[float], None] | None = None
+) -> xr.Dataset:
+    """Steady <P>, d32 and breakup size against stress with bands, and the exponent q of each, X ~ stress^-q.
+
+    *_analytical : van de Ven & Mason's efficiency with power-law breakup, which is given <P> at the stress with most
+    encounters (attribute `reference`) and P_br ~ stress^-ANALYTICAL_Q; extrapolated : share of encounters in pairs of
+    classes nobody sampled; breakup_beyond : whether P_br is larger than any two partners together were
+    """
+    if len(tables) < 2:
+        raise PBEError("a law over stresses needs tables at two stresses or more")
     stress = np.array([float(t.about["viscosity"]) * t.shear_rate for t in tables])
     order = np.argsort(stress)
-    size, broken = [], []
-    for k in order:
-        closure = Closure(tables[k], grid_for(tables[k]))
-        start = start_of(closure.grid, tables[k])
+    stress, tables = stress[order], [tables[k] for k in order]
+    values: dict[str, list] = {name: [] for name in OVER_STRESSES}
+    extrapolated, beyond = [], []
+    for k, table in enumerate(tables):
+        closure = Closure(table, grid_for(table))
+        start = start_of(closure.grid, table)
         steady = steady_state(closure.mean, start)
-        drawn = draws_of(closure, steady_output(start, guess=steady.population), draws)
-        mean = float(steady_summary(closure.mean, steady.population)["mean_size"])
-        size.append(np.append(mean, drawn.mean_size.values))
-        rng = np.random.default_rng(int(k))
-        broken.append([breakup_size(closure)] + [breakup_size(closure, rng) for _ in range(draws)])
-    found = xr.Dataset(coords={"stress": ("stress", stress[order], {"units": "Pa"})})
-    for name, values in (("mean_size", np.array(size)), ("breakup_size", np.array(broken))):
-        low, high = np.nanquantile(values[:, 1:], [0.05, 0.95], axis=1)
-        bands = {name: values[:, 0], f"{name}_low": low, f"{name}_high": high}
-        found = found.assign({n: ("stress", v) for n, v in bands.items()})
-        if len(tables) > 1:
-            q = -np.polyfit(np.log(stress[order]), np.log(values), 1)[0]
-            found.attrs |= {
-                f"q_{name}": q[0],
-                f"q_{name}_low": np.quantile(q[1:], 0.05),
-                f"q_{name}_high": np.quantile(q[1:], 0.95),
-            }
+        mean = steady_summary(closure.mean, steady.population)
+        drawn = draws_of(closure, steady_output(start, guess=steady.population), draws, seed=k)
+        for name in ("mean_size", "sauter_diameter"):
+            values[name].append(np.append(mean[name], drawn[name].values))
+        rng = np.random.default_rng(k)
+        values["breakup_size"].append(
+            [breakup_size(closure)] + [breakup_size(closure, rng) for _ in range(draws)]
+        )
+        extrapolated.append(closure.extrapolated_flux(steady.population))
+        beyond.append(values["breakup_size"][-1][0] > table.records.size.sum(axis=1).max())
+        if progress is not None:
+            progress((k + 1) / len(tables))
+    found = xr.Dataset(
+        {"extrapolated": ("stress", extrapolated), "breakup_beyond": ("stress", beyond)},
+        {"stress": ("stress", stress, {"units": "Pa"})},
+    )
+    for name, rows in values.items():
+        each = np.array(rows)
+        low, high = np.nanquantile(each[:, 1:], [0.05, 0.95], axis=1)
+        bands = {name: each[:, 0], f"{name}_low": low, f"{name}_high": high}
+        found = found.assign({n: ("stress", v, {"units": OVER_STRESSES[name]}) for n, v in bands.items()})
+        q = -np.polyfit(np.log(stress), np.log(each), 1)[0]
+        found.attrs |= {
+            f"q_{name}": q[0],
+            f"q_{name}_low": np.nanquantile(q[1:], 0.05),
+            f"q_{name}_high": np.nanquantile(q[1:], 0.95),
+        }
+    if all("hamaker_constant" in t.about for t in tables):
+        found = found.merge(_analytical_over_stresses(tables, stress, found.mean_size.values))
+        for name in ("mean_size", "sauter_diameter"):
+            slope = np.polyfit(np.log(stress), np.log(found[f"{name}_analytical"].values), 1)[0]
+            found.attrs[f"q_{name}_analytical"] = -slope
+        found.attrs["reference"] = stress[_most_encounters(tables)]
     return found
+
+
+OVER_STRESSES = {"mean_size": "1", "breakup_size": "1", "sauter_diameter": "m"}
+ANALYTICAL_Q = 2.0
+"""Exponent of the breakup size of analytical laws: what the paper finds (section 3), and others of compact aggregates."""
+
+
+def _most_encounters(tables: list[KernelTable]) -> int:
+    return int(np.argmax([len(t.records) for t in tables]))
+
+
+def _analytical_over_stresses(tables, stress, mean_size) -> xr.Dataset:
+    """Steady <P> and d32 of the analytical balance that is right at one stress."""
+    reference = _most_encounters(tables)
+    fitted = AnalyticalBalance.fitted(tables[reference], float(mean_size[reference]))
+    rows = []
+    for table, value in zip(tables, stress, strict=True):
+        laws = fitted.at(table, value / stress[reference], ANALYTICAL_Q)
+        balance = laws.balance()
+        rows.append(steady_summary(balance, steady_state(balance, start_of(laws.grid, table)).population))
+    names = ("mean_size", "sauter_diameter")
+    return xr.Dataset({f"{n}_analytical": ("stress", [float(row[n]) for row in rows]) for n in names})

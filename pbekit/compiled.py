@@ -8,8 +8,8 @@ How events become products, in three steps: cells meet (weights over pairs of ce
 row over *slots* (pairs of classes choose a row; a class is a run of cells of one size whose products are alike),
 slots become cells (a row of shapes per size and kind of event).  A slot is (kind of event v, size p).
 
-Inner loops run over slices from zero on: an index that could be negative would be wrapped, which forbids vector
-instructions.
+Inner loops run over slices from zero on, or from max(begin, 0): an index that could be negative would be wrapped, and
+that forbids vector instructions.
 
 Legend: K cells, C classes, E kinds of pair event, V variants of product shapes, S sizes, T overflow entries
 (number and masses), W = S + T slots per variant.  The state is (n_1 ... n_K, overflow).
@@ -80,45 +80,51 @@ def _add_products(products, rows, frequency, slots, slot_mass):
         if frequency[k] == 0.0:
             continue
         for q in range(products.row[rows[k]], products.row[rows[k] + 1]):
-            begin, end = products.run[q], products.run[q + 1]
-            number, into = products.number[begin:end], slots[products.slot[q] :]
-            for r in range(number.size):
-                into[r] += frequency[k] * number[r]
+            begin, slot = max(products.run[q], 0), max(products.slot[q], 0)
+            length = products.run[q + 1] - begin
             if averaged:
-                carried, mass = products.carried[begin:end], slot_mass[products.slot[q] :]
-                for r in range(carried.size):
-                    mass[r] += frequency[k] * carried[r]
+                for r in range(length):
+                    slots[slot + r] += frequency[k] * products.number[begin + r]
+                    slot_mass[slot + r] += frequency[k] * products.carried[begin + r]
+            else:
+                for r in range(length):
+                    slots[slot + r] += frequency[k] * products.number[begin + r]
 
 
 @njit(cache=True, fastmath=FAST)
 def _pair_rates(n, class_start, encounters, slots, slot_mass, consumed):
     """Add the products of all pair events to the slots, and the frequency of events to `consumed` (K,)."""
-    weight, products = encounters.weight, encounters.products
+    weight, row, products = encounters.weight, encounters.row, encounters.products
     classes = class_start.size - 1
     partial = np.empty(n.size)
     events = np.zeros(products.row.size - 1)
     for e in range(weight.shape[0]):
         for b in range(classes):
-            begin, end = class_start[b], class_start[b + 1]
-            smaller, both, seen_by = n[:begin], n[:end], partial[:end]
-            seen_by[:] = 0.0
+            begin, end = max(class_start[b], 0), max(class_start[b + 1], 0)
+            for i in range(end):
+                partial[i] = 0.0
             # One pass over the rows of class b up to its diagonal block serves both partners.
             for j in range(begin, end):
-                nj, wj, seen = n[j], weight[e, j, :end], 0.0
-                for i in range(seen_by.size):
-                    seen_by[i] += wj[i] * nj
-                for i in range(smaller.size):
-                    seen += wj[i] * smaller[i]
+                nj, seen = n[j], 0.0
+                for i in range(end):
+                    partial[i] += weight[e, j, i] * nj
+                for i in range(begin):
+                    seen += weight[e, j, i] * n[i]
                 consumed[j] += seen
-            for i in range(seen_by.size):
-                consumed[i] += seen_by[i]
-                seen_by[i] *= both[i]
-            row = encounters.row[e, b * (b + 1) // 2 :]
+            for i in range(end):
+                consumed[i] += partial[i]
+                partial[i] *= n[i]
+            if classes == n.size:
+                # One cell a class: nothing to sum.
+                partial[b] *= 0.5
+                for a in range(b + 1):
+                    events[row[e, b * (b + 1) // 2 + a]] += partial[a]
+                continue
             for a in range(b + 1):
-                met, frequency = partial[class_start[a] : class_start[a + 1]], 0.0
-                for i in range(met.size):
-                    frequency += met[i]
-                events[row[a]] += 0.5 * frequency if a == b else frequency
+                frequency = 0.0
+                for i in range(max(class_start[a], 0), class_start[a + 1]):
+                    frequency += partial[i]
+                events[row[e, b * (b + 1) // 2 + a]] += 0.5 * frequency if a == b else frequency
     _add_products(products, np.arange(events.size), events, slots, slot_mass)
 
 

@@ -167,16 +167,19 @@ class _Rows:
             raise KernelError(f"{name}: products weigh {got[r]} where the parents weigh {parents[r]}")
 
     def finish(self) -> compiled.Products:
-        """All rows; a run ends where the next slot is not the neighbour, and with its row."""
-        slot = np.concatenate(self.slot).astype(np.int64)
-        entry = np.concatenate([[0], np.cumsum(np.concatenate(self.length))]).astype(np.int64)
+        """All rows without their zeros; a run ends where the next slot is not the neighbour, and with its row."""
+        slot, number, carried = (np.concatenate(part) for part in (self.slot, self.number, self.carried))
+        some = (number != 0) | (carried != 0)
+        kept = np.concatenate([[0], np.cumsum(some)])
+        entry = kept[np.concatenate([[0], np.cumsum(np.concatenate(self.length))])]
+        slot, number = slot[some].astype(np.int64), number[some].astype(float)
         begins = np.ones(slot.size, bool)
         begins[1:] = np.diff(slot) != 1
         begins[entry[:-1][np.diff(entry) > 0]] = True
         run = np.append(np.flatnonzero(begins), slot.size).astype(np.int64)
-        carried = np.concatenate(self.carried).astype(float) if self.averaged else np.zeros(0)
         row = np.searchsorted(run, entry).astype(np.int64)
-        return compiled.Products(row, run, slot[run[:-1]], np.concatenate(self.number).astype(float), carried)
+        mass = carried[some].astype(float) if self.averaged else np.zeros(0)
+        return compiled.Products(row, run, slot[run[:-1]], number, mass)
 
 
 def _place_fragments(grid, daughters: Daughters, parent: float, averaged: bool, closed: bool):

@@ -166,7 +166,7 @@ def draw_volume_fractions(data: xr.Dataset, path: Path) -> Path:
 
 def _ticks_at(ax, values) -> None:
     """Label a logarithmic axis at the values themselves; between close ones its own labels overlap."""
-    ax.set_xticks(values, [f"{v:.3g}" for v in values])
+    ax.set_xticks(values, [f"{v:.4g}" for v in values])
     ax.xaxis.set_minor_locator(NullLocator())
 
 
@@ -188,37 +188,46 @@ def draw_efficiencies(data: xr.Dataset, path: Path) -> Path:
         return save(figure, data, path)
 
 
+GUESSED = 0.05
+"""Share of extrapolated encounters from which on a point is drawn open."""
+
+
 def draw_stress_law(data: xr.Dataset, runs: dict[float, tuple[float, float]], path: Path) -> Path:
-    """Steady <P> and breakup size against stress; runs: stress [Pa] -> <P> of a Monte Carlo and its error."""
+    """Steady <P>, breakup size and d32 against stress; runs: stress [Pa] -> <P> of a Monte Carlo and its error."""
+    guessed = data.extrapolated.values > GUESSED
     with plt.rc_context(STYLE):
-        figure, ax = plt.subplots(figsize=(4.2, 3.4))
-        for key, colour, marker, label in (
-            ("mean_size", BLUE, "o", r"steady $\langle P\rangle$ of the balance"),
-            ("breakup_size", GREEN, "^", r"breakup size $P_{br}$"),
+        figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.8))
+        for ax, key, colour, marker, label, unit, doubtful in (
+            (left, "mean_size", BLUE, "o", r"steady $\langle P\rangle$", 1.0, guessed),
+            (left, "breakup_size", GREEN, "^", "breakup size $P_{br}$", 1.0, data.breakup_beyond.values),
+            (right, "sauter_diameter", BLUE, "o", "steady $d_{32}$", 1e6, guessed),
         ):
-            low, high = data[key] - data[f"{key}_low"], data[f"{key}_high"] - data[key]
-            if f"q_{key}" in data.attrs:
-                label += f", q = {data.attrs[f'q_{key}']:.2f}"
-                label += f" ({data.attrs[f'q_{key}_low']:.2f}-{data.attrs[f'q_{key}_high']:.2f})"
-            errors = np.maximum(np.stack([low, high]), 0)
-            ax.errorbar(
-                data.stress, data[key], yerr=errors, fmt=marker + "-", ms=4, color=colour, label=label
+            values = unit * data[key].values
+            ends = np.stack([values - unit * data[f"{key}_low"], unit * data[f"{key}_high"] - values])
+            q, low, high = (data.attrs[f"q_{key}{end}"] for end in ("", "_low", "_high"))
+            label += f": q = {q:.2f} ({low:.2f} to {high:.2f})"
+            bars = dict(yerr=np.maximum(ends, 0), color=colour, ms=4)
+            ax.errorbar(data.stress, values, fmt=marker + "-", label=label, **bars)
+            ax.plot(
+                data.stress[doubtful], values[doubtful], marker, color=colour, ms=4, mfc="white", zorder=3
             )
+            if f"{key}_analytical" in data:
+                laws = f"{ANALYTICAL}: q = {data.attrs[f'q_{key}_analytical']:.2f}"
+                ax.plot(data.stress, unit * data[f"{key}_analytical"], "--", color=VERMILION, label=laws)
         if runs:
             stress = sorted(runs)
-            ax.errorbar(
-                stress,
-                [runs[s][0] for s in stress],
-                yerr=[1.645 * runs[s][1] for s in stress],
-                fmt="kx",
-                ms=5,
-                label=MONTE_CARLO,
-            )
-        ax.set(xscale="log", yscale="log", xlabel="shear stress [Pa]", ylabel="primaries")
-        _ticks_at(ax, data.stress.values)
-        ax.yaxis.set_major_formatter(ScalarFormatter())
-        ax.yaxis.set_minor_formatter(ScalarFormatter())
-        figure.legend(loc="outside lower center")
+            error = [1.645 * runs[s][1] for s in stress]
+            left.errorbar(stress, [runs[s][0] for s in stress], yerr=error, fmt="kx", ms=5, label=MONTE_CARLO)
+        for ax, label in ((left, "primaries"), (right, "Sauter diameter [µm]")):
+            ax.set(xscale="log", yscale="log", xlabel="shear stress [Pa]", ylabel=label)
+            _ticks_at(ax, data.stress.values)
+            ax.yaxis.set_major_formatter(ScalarFormatter())
+            ax.yaxis.set_minor_formatter(ScalarFormatter())
+            handles, names = ax.get_legend_handles_labels()
+            if np.any(guessed) or (ax is left and np.any(data.breakup_beyond)):
+                handles.append(ax.plot([], [], "o", color="0.4", mfc="white", ms=4)[0])
+                names.append("open: extrapolated")
+            ax.legend(handles, names, loc="lower center", bbox_to_anchor=(0.5, 1.0))
         return save(figure, data, path)
 
 

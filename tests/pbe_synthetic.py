@@ -16,12 +16,12 @@ def outer_radius(size, shape=1.0):
     return RADIUS * size**0.5 * np.where(size > 2, np.asarray(shape, float) ** 0.3, 1.0)
 
 
-def probabilities(i, j, s_i=1.0, s_j=1.0):
-    """(join, scatter) of an encounter."""
+def probabilities(i, j, s_i=1.0, s_j=1.0, critical=7.0):
+    """(join, scatter) of an encounter; half of the hits scatter at the critical joint size."""
     total = np.asarray(i, float) + j
     stretched = np.where(np.asarray(i) > 2, s_i, 1.0) * np.where(np.asarray(j) > 2, s_j, 1.0)
     hit = 0.3 + 0.3 / (1 + np.abs(np.log(np.asarray(i, float) / j)))
-    breaks = 1 / (1 + (7.0 / total) ** 5 / stretched)
+    breaks = 1 / (1 + (critical / total) ** 5 / stretched)
     return hit * (1 - breaks), hit * breaks
 
 
@@ -38,9 +38,9 @@ def shape_share(size):
     return 1 / (1 + np.asarray(size, float) / 12)
 
 
-def encounters(rng, size, shape, shapes=(1.0, 1.0)) -> Records:
+def encounters(rng, size, shape, shapes=(1.0, 1.0), critical=7.0) -> Records:
     """One encounter for each pair: size (n, 2), shape (n, 2)."""
-    join, scatter = probabilities(*size.T, *shape.T)
+    join, scatter = probabilities(*size.T, *shape.T, critical)
     u = rng.random(len(size))
     total = size.sum(axis=1)
     outcome, first, count = np.full(len(size), MISSED), size[:, 0].copy(), np.full(len(size), 2)
@@ -80,8 +80,8 @@ def encounters(rng, size, shape, shapes=(1.0, 1.0)) -> Records:
     )
 
 
-def design(rng, count, largest, shapes=(1.0, 1.0)) -> Records:
+def design(rng, count, largest, shapes=(1.0, 1.0), critical=7.0) -> Records:
     """`count` encounters of sizes drawn evenly, and of shapes drawn evenly."""
     size = rng.integers(1, largest + 1, size=(count, 2))
     shape = np.where(size > 2, np.asarray(shapes)[rng.integers(0, 2, size=(count, 2))], 1.0)
-    return encounters(rng, size, shape, shapes)
+    return encounters(rng, size, shape, shapes, critical)

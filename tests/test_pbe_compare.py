@@ -15,7 +15,15 @@ from mcdem.tabulate import tabulate
 from pbekit import Grid, integrate
 from pbekit.cli import app
 from pbekit.closures import Closure
-from pbekit.compare import AnalyticalBalance, MonteCarlo, breakup_size, distance, eta_11, switches
+from pbekit.compare import (
+    AnalyticalBalance,
+    MonteCarlo,
+    breakup_size,
+    distance,
+    eta_11,
+    stress_law,
+    switches,
+)
 from pbekit.finite import population_course
 from pbekit.tables import KernelTable
 from pbekit.uncertainty import course_output
@@ -119,6 +127,46 @@ def test_breakup_size_is_where_half_of_the_contacts_break():
     records = design(np.random.default_rng(8), 30_000, 14)
     closure = Closure(KernelTable.of(records, RADIUS, SHEAR_RATE, shapes=1), Grid.primaries(14))
     assert breakup_size(closure) == pytest.approx(7.0, rel=0.15)
+
+
+@pytest.fixture(scope="module")
+def two_stresses(tmp_path_factory):
+    """Tables of two stresses; twice the stress breaks joint sizes of 6 instead of 12, so q = 1."""
+    folder = tmp_path_factory.mktemp("stresses")
+    for stress, critical in ((1.0, 12.0), (2.0, 6.0)):
+        records = design(np.random.default_rng(9), 8000, 20, critical=critical)
+        about = ABOUT | {"viscosity": stress, "shear_stress": stress}
+        KernelTable.of(records, RADIUS, SHEAR_RATE, shapes=1, about=about).save(folder / f"{stress:.0f}.nc")
+    return folder / "1.nc", folder / "2.nc"
+
+
+def test_exponents_over_stresses_are_those_put_in(two_stresses):
+    tables = [KernelTable.load(path) for path in two_stresses[::-1]]
+    found = stress_law(tables, draws=20)
+    assert found.stress.values.tolist() == [1.0, 2.0]
+    q, low, high = (found.attrs[f"q_breakup_size{end}"] for end in ("", "_low", "_high"))
+    assert low < 1.0 < high and high - low < 0.4 and low < q < high
+    for name in ("mean_size", "sauter_diameter"):
+        assert 0 < found.attrs[f"q_{name}_low"] < found.attrs[f"q_{name}"] < found.attrs[f"q_{name}_high"]
+        assert np.all(found[f"{name}_low"] <= found[name]) and np.all(found[name] <= found[f"{name}_high"])
+    # The analytical laws know <P> at their reference, and that more stress breaks more.
+    reference = found.sel(stress=found.attrs["reference"])
+    assert float(reference.mean_size_analytical) == pytest.approx(float(reference.mean_size), rel=0.01)
+    assert found.attrs["q_mean_size_analytical"] > 1
+    # P_br lies within what was sampled; the populations outgrow it, and that is told.
+    assert not found.breakup_beyond.any() and np.all(found.extrapolated > 0.05)
+
+
+def test_stresses_are_drawn_and_told(two_stresses, tmp_path):
+    done = call("stresses", *two_stresses, "-o", tmp_path / "s", "--draws", 5)
+    assert done.exit_code == 0, done.output
+    for name in ("eta_11", "stress"):
+        assert (tmp_path / "s" / f"{name}.png").stat().st_size > 5000
+        assert (tmp_path / "s" / f"{name}.nc").exists()
+    for words in ("P_br ~ stress^-q", "Eq. 23", "analytical laws", "% extrapolated"):
+        assert words in done.output
+    done = call("stresses", two_stresses[0], "-o", tmp_path / "t")
+    assert done.exit_code == 2 and "one table alone" in done.output
 
 
 def test_a_run_is_read(files):

@@ -89,6 +89,14 @@ def test_the_table_is_the_same_on_two_workers_and_after_interruption(scene, data
     assert same(tmp_path / "one.nc", tmp_path / "parts.nc")
 
 
+def test_encounters_of_two_primaries_come_first_until_there_are_enough(scene, dataset, tmp_path):
+    reused = int((records_of_run(Run(dataset)).size == 1).all(axis=1).sum())
+    make(scene, tmp_path / "k.nc", dataset, ROUND + 60, primaries=reused + ROUND + 20)
+    size = KernelTable.load(tmp_path / "k.nc").records.size[-ROUND - 60 :]
+    assert np.all(size[: ROUND + 20] == 1)
+    assert np.any(size[ROUND + 20 :] > 1)
+
+
 def test_within_a_pair_of_classes_pairs_come_by_their_flux(scene, dataset, tmp_path):
     """4000 draws of two classes: shares of each aggregate against (R_i + R_j)^3, by chi-square at 1e-4."""
     from scipy.stats import chisquare

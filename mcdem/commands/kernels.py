@@ -33,6 +33,12 @@ def kernels(
         float | None,
         typer.Option(min=0, help="Stop when the relative standard error of the steady <P> is below this."),
     ] = None,
+    primaries: Annotated[
+        int,
+        typer.Option(
+            min=0, help="Designed encounters are of two primaries until there are so many, for eta_11."
+        ),
+    ] = 0,
     aggregates_only: Annotated[
         bool, typer.Option("--aggregates-only", help="Take aggregates from the runs, not their events.")
     ] = False,
@@ -108,6 +114,7 @@ def kernels(
                 runs,
                 encounters=encounters,
                 error=error,
+                primaries=primaries,
                 aggregates_only=aggregates_only,
                 shape=shape,
                 shapes=shapes,
