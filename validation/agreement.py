@@ -16,7 +16,10 @@ import math
 import shlex
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -132,15 +135,19 @@ def complete(
             wanted = range(min(paper, len(met)) if way == "paper" else len(met))
             missing = sorted(set(wanted) - set(followed(data, way).tolist()))
             changed, row = scene_of(scene, way), WAYS.index(way)
-            tasks = {k: crew.executor.submit(follow, changed, seed, k, met[k]) for k in missing}
-            for done, (k, task) in enumerate(tasks.items(), start=1):
-                sample: Sample = task.result()
+            # No more ahead than the workers can use: one worker computes at once what is given to it.
+            ahead: deque[Future[Sample]] = deque()
+            waiting = iter(missing)
+            for done, k in enumerate(missing, start=1):
+                for number in islice(waiting, crew.workers - len(ahead)):
+                    ahead.append(crew.executor.submit(follow, changed, seed, number, met[number]))
+                sample = ahead.popleft().result()
                 for name in ("outcome", "fragment", "geometry", "cpu_time", "steps"):
                     data[name].values[row, k] = getattr(sample, name)
                 if time.monotonic() - written > EVERY:
                     save()
                     written = time.monotonic()
-                    tell(f"{way}: {done} of {len(tasks)}")
+                    tell(f"{way}: {done} of {len(missing)}")
             save()
             tell(f"{way}: all {len(wanted)}")
 
