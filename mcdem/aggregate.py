@@ -28,11 +28,13 @@ class Aggregate:
         between 0 and the pull-off gap can be in contact or not, so geometry alone cannot tell.
     springs : (B, 7) history of each contact between its spheres i (1) and j (2), lengths in radii of a primary, angles in
         radians, as `mcdem.effects.tangential` keeps it; None without one: contacts at rest, or of a scene without resistances
+    radii : (P,) [m] of the primaries; None where the suspension has only one
     """
 
     positions: NDArray[np.float64]
     bonds: NDArray[np.int32]
     springs: NDArray[np.float64] | None = None
+    radii: NDArray[np.float64] | None = None
 
     @property
     def size(self) -> int:
@@ -40,7 +42,9 @@ class Aggregate:
         return self.positions.shape[0]
 
     def outer_radius(self, radius: float) -> float:
-        """Outer radius R [m]: from the centre of mass to the furthest surface; `radius` of the primaries [m]."""
+        """Outer radius R [m]: from the centre of mass to the furthest surface; `radius` [m] where all primaries have the same."""
+        if self.radii is not None:
+            return float((np.linalg.norm(self.positions, axis=1) + self.radii).max())
         return float(np.sqrt(self._furthest) + radius)
 
     @cached_property
@@ -48,9 +52,10 @@ class Aggregate:
         return float((self.positions**2).sum(axis=1).max())
 
     @classmethod
-    def monomer(cls) -> Aggregate:
-        """A free primary particle."""
-        return cls(np.zeros((1, 3)), np.zeros((0, 2), np.int32))
+    def monomer(cls, radius: float | None = None) -> Aggregate:
+        """A free primary particle; `radius` [m] in a suspension of several."""
+        radii = None if radius is None else np.array([radius])
+        return cls(np.zeros((1, 3)), np.zeros((0, 2), np.int32), radii=radii)
 
     @classmethod
     def from_contacts(
@@ -58,19 +63,26 @@ class Aggregate:
         positions: NDArray[np.float64],
         bonded: NDArray[np.bool_],
         springs: NDArray[np.float64] | None = None,
+        radii: NDArray[np.float64] | None = None,
     ) -> Aggregate:
         """The aggregate at `positions` (P, 3) [m] with the contact network `bonded` (P, P).
 
         springs : (P, P, 7) history of the contact of i < j at [j, i]
         """
         first, second = np.nonzero(np.triu(bonded, 1))
-        centred = positions - positions.mean(axis=0)
+        centred = positions - centre_of_mass(positions, radii)
         bonds = np.column_stack([first, second]).astype(np.int32)
-        return cls(centred, bonds, None if springs is None else springs[second, first])
+        return cls(centred, bonds, None if springs is None else springs[second, first], radii)
 
     @classmethod
-    def from_positions(cls, scene: Scene, positions: ArrayLike, bonds: ArrayLike | None = None) -> Aggregate:
-        """An aggregate from positions (P, 3) [m] given by a user.
+    def from_positions(
+        cls,
+        scene: Scene,
+        positions: ArrayLike,
+        bonds: ArrayLike | None = None,
+        radii: ArrayLike | None = None,
+    ) -> Aggregate:
+        """An aggregate from positions (P, 3) [m] given by a user; `radii` (P,) [m] in a suspension of several.
 
         Without `bonds` (B, 2), pairs up to the pull-off gap count as contacts.  Raises `UserError` for positions that
         are not finite, primaries that overlap by more than a contact can be compressed, or parts that do not touch.
@@ -83,8 +95,9 @@ class Aggregate:
             raise UserError(
                 f"positions: primary {row} is at {points[row]}, expected finite numbers in metres"
             )
-        radius = scene.suspension.radius
-        gaps = np.linalg.norm(points[:, None] - points[None], axis=2) - 2.0 * radius
+        sizes, radius = radii_of(scene, radii, len(points)), scene.suspension.radius
+        touching = 2.0 * radius if sizes is None else sizes[:, None] + sizes[None]
+        gaps = np.linalg.norm(points[:, None] - points[None], axis=2) - touching
         np.fill_diagonal(gaps, np.inf)
         limit = overlap_limit(scene) * radius
         if gaps.min() < -limit:
@@ -97,7 +110,12 @@ class Aggregate:
         if bonds is None:
             jkr = scene.effects.jkr
             reach = jkr.kernel(scene).pull_off_gap * radius if jkr is not None else 0.0
-            bonded[gaps <= reach] = True
+            if sizes is None:
+                bonded[gaps <= reach] = True
+            else:
+                # The pull-off gap grows with the cube root of the reduced radius (`effects.jkr`).
+                reduced = 2.0 * sizes[:, None] * sizes[None] / (touching * radius)
+                bonded[gaps <= reach * np.cbrt(reduced)] = True
         else:
             pairs = np.asarray(bonds, int).reshape(-1, 2)
             if pairs.size and (
@@ -111,7 +129,7 @@ class Aggregate:
                 f"positions: the primaries form {count} parts that do not touch, expected one aggregate: "
                 "bring them into contact, or name the contacts as bonds"
             )
-        return cls.from_contacts(points, bonded)
+        return cls.from_contacts(points, bonded, radii=sizes)
 
     def contact_network(self) -> NDArray[np.bool_]:
         """Contacts as a symmetric matrix (P, P)."""
@@ -127,11 +145,42 @@ class Aggregate:
         springs = self.springs
         if springs is not None and len(springs):
             springs = np.hstack([turn.apply(springs[:, :3]), turn.apply(springs[:, 3:6]), springs[:, 6:]])
-        return Aggregate(turn.apply(self.positions), self.bonds, springs)
+        return Aggregate(turn.apply(self.positions), self.bonds, springs, self.radii)
+
+
+def centre_of_mass(positions: NDArray[np.float64], radii: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """Centre of mass (3,) of primaries at (P, 3) with radii (P,), or all the same if None."""
+    if radii is None or (radii == radii[0]).all():
+        return np.asarray(positions.mean(axis=0))
+    return np.asarray(np.average(positions, axis=0, weights=radii**3))
+
+
+def radii_of(scene: Scene, radii: ArrayLike | None, count: int) -> NDArray[np.float64] | None:
+    """Radii (count,) [m] given by a user, as those of the scene; None where the scene has only one.
+
+    Raises `UserError` where there are several and none are given, or given ones are not of the scene.
+    """
+    species = np.array(scene.suspension.species)
+    told = " and ".join(f"{r:g} m" for r in species)
+    if radii is None:
+        if len(species) == 1:
+            return None
+        raise UserError(f"radii: the suspension has several, {told}: give that of each primary")
+    given = np.asarray(radii, dtype=float)
+    if given.shape != (count,):
+        raise UserError(f"radii: expected one for each of {count} primaries, found shape {given.shape}")
+    nearest = np.abs(given[:, None] - species).argmin(axis=1)
+    off = ~np.isclose(given, species[nearest], rtol=1e-6, atol=0.0)
+    if off.any():
+        row = int(off.argmax())
+        raise UserError(
+            f"radii: primary {row} has {given[row]:g} m, expected {told.replace(' and ', ' or ')}"
+        )
+    return None if len(species) == 1 else species[nearest]
 
 
 def overlap_limit(scene: Scene) -> float:
-    """Largest overlap h/a accepted at the door: well beyond what a contact bears, at least a hundredth."""
+    """Largest overlap h/a accepted at the door, a the largest radius: well beyond what a contact bears, at least a hundredth."""
     jkr = scene.effects.jkr
     return max(0.01, 10.0 * jkr.kernel(scene).indentation) if jkr is not None else 0.01
 

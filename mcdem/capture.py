@@ -125,12 +125,13 @@ def critical_offset(scene: Scene, x0: float) -> float:
 
 
 def van_de_ven_mason(scene: Scene, factor: float = 0.95) -> float:
-    """eta_11 = f (A_H/36 pi mu g a^3)^0.18 (van de Ven & Mason 1977; Frungieri & Vanni 2021, Eq. 23); nan without attraction.
+    """eta_11 = f (A_H/36 pi mu g a^3)^0.18 (van de Ven & Mason 1977; Frungieri & Vanni 2021, Eq. 23).
 
-    `factor` f is 0.95 for a London wavelength of 0.2 a.
+    nan without attraction, and for primaries of several radii.  `factor` f is 0.95 for a London wavelength of 0.2 a.
     """
     attraction = attraction_number(scene)
-    return factor * attraction**0.18 if attraction > 0.0 else math.nan
+    holds = attraction > 0.0 and scene.suspension.radii is None
+    return factor * attraction**0.18 if holds else math.nan
 
 
 def attraction_number(scene: Scene) -> float:
@@ -161,6 +162,9 @@ class Capture:
                 f"{scene.name}: eta_11 is an integral over the offsets of simple shear, the scene has flow.kind = "
                 f'"{scene.flow.kind}": count the outcomes of drawn encounters instead (mcdem run)'
             )
+        scene.require_one_radius(
+            "eta_11 is that of two equal primaries; count the outcomes of drawn encounters instead (mcdem run)"
+        )
         if scene.effects.contact is None:
             raise UserError(
                 f"{scene.name}: no law of contact, so nothing sticks and eta_11 has no meaning: add [effects.jkr] or "

@@ -45,6 +45,7 @@ class Finding:
 def check(scene: Scene) -> list[Finding]:
     """All findings on a scene, the physics first, then the numerics."""
     return [
+        *_sizes(scene),
         *_left_out(scene),
         *_holding(scene),
         *_barrier(scene),
@@ -55,12 +56,30 @@ def check(scene: Scene) -> list[Finding]:
     ]
 
 
+def of_several(scene: Scene, which: str) -> str:
+    """Which primaries a number is of, where the suspension has several radii."""
+    return "" if scene.suspension.radii is None else f", {which}"
+
+
+def _sizes(scene: Scene) -> Iterator[Finding]:
+    """Primaries of several radii: how far apart, and of which of them the rest speaks."""
+    radii, shares = scene.suspension.radii, scene.suspension.number_fractions
+    if radii is None or shares is None:
+        return
+    volumes = [share * radius**3 for share, radius in zip(shares, radii, strict=True)]
+    least = min(volumes) / math.fsum(volumes)
+    which = radii[volumes.index(min(volumes))]
+    words = f"the primaries of {which:g} m are {least:.2g} of the volume; numbers below are of the largest unless they say so"
+    yield Finding("smallest over largest radius", min(radii) / max(radii), "note", words)
+
+
 def _left_out(scene: Scene) -> Iterator[Finding]:
     """Brownian motion and inertia: never simulated, so they must not matter."""
     a, mu, g = scene.suspension.radius, scene.flow.viscosity, scene.flow.shear_rate
 
-    peclet = 6.0 * math.pi * mu * a**3 * g / (BOLTZMANN * TEMPERATURE)
-    name = "Peclet number 6 pi mu a^3 g/kT"
+    smallest = min(scene.suspension.species)
+    peclet = 6.0 * math.pi * mu * smallest**3 * g / (BOLTZMANN * TEMPERATURE)
+    name = "Peclet number 6 pi mu a^3 g/kT" + of_several(scene, "the smallest primaries")
     if peclet > 1e3:
         yield Finding(name, peclet, "fine", "Brownian motion cannot matter (above 1000, at 298 K)")
     elif peclet > 10:
@@ -75,7 +94,7 @@ def _left_out(scene: Scene) -> Iterator[Finding]:
             name, peclet, "warning", "Brownian motion matters and is not simulated (below 10, at 298 K)"
         )
 
-    size = f"aggregate of {LARGE_AGGREGATE:g} a"
+    size = f"aggregate of {LARGE_AGGREGATE:g} a" + of_several(scene, "the largest primaries")
     reynolds = DENSITY * g * (LARGE_AGGREGATE * a) ** 2 / mu
     stokes = 2.0 / 9.0 * reynolds
     for name, value, what in [
@@ -186,7 +205,7 @@ def _barrier(scene: Scene) -> Iterator[Finding]:
 
     from mcdem.effects import non_contact_force
 
-    thickness = scene.suspension.radius / scene.effects.double_layer.debye_length
+    thickness = min(scene.suspension.species) / scene.effects.double_layer.debye_length
     if thickness > 20.0:
         yield Finding(
             "kappa a", thickness, "fine", "the double layer is thin against the particles (above 20)"
@@ -223,8 +242,9 @@ def _capture(scene: Scene) -> Iterator[Finding]:
         36.0 * math.pi * scene.flow.viscosity * scene.flow.shear_rate * a**3
     )
     name = "attraction number C_A = A_H/(36 pi mu g a^3)"
-    if scene.flow.kind != "simple_shear":
-        yield Finding(name, attraction, "note", "laws of eta_11 are of simple shear: count drawn encounters")
+    if scene.flow.kind != "simple_shear" or scene.suspension.radii is not None:
+        words = "laws of eta_11 are of equal primaries in simple shear: count drawn encounters"
+        yield Finding(name, attraction, "note", words)
     elif attraction < 1e-4:
         words = "eta_11 is below the range of the law 0.95 C_A^0.18 (above 1e-4): compute it"
         yield Finding(name, attraction, "note", words)

@@ -17,10 +17,10 @@ import numpy as np
 import threadpoolctl
 
 from mcdem import inflow
-from mcdem.aggregate import Aggregate, split
+from mcdem.aggregate import Aggregate, centre_of_mass, radii_of, split
 from mcdem.errors import UserError
 from mcdem.hydrodynamics.far_field import tensor_to_five
-from mcdem.hydrodynamics.two_sphere import lubrication_table
+from mcdem.hydrodynamics.two_sphere import lubrication_tables
 from mcdem.stepping import state
 from mcdem.stepping.frames import Frames, new_frames
 from mcdem.stepping.implicit import ImplicitOptions
@@ -56,6 +56,7 @@ class Recorder:
     interval : strain g t between two frames
     time : (F,) [s];  positions : (F, N, 3) [m];  tension : (F, N, N) [N], nan where there is no contact
     parent : (N,) 0 for primaries of i, 1 for those of j
+    radii : (N,) [m] of the primaries, None where the suspension has only one
     """
 
     interval: float = 0.25
@@ -63,6 +64,7 @@ class Recorder:
     positions: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0, 3)))
     tension: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0, 0)))
     parent: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    radii: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +116,7 @@ def physics_of(scene: Scene) -> tuple[state.Flow, state.Physics]:
         shifted=scene.hydrodynamics.cutoff_reading == "gap",
         coupled=True if level != "free_draining" else None,
         stresslets=True if scene.hydrodynamics.stresslets else None,
-        table=lubrication_table(1.0) if level == "stokesian" else None,
+        table=lubrication_tables(scene.reduced_radii) if level == "stokesian" else None,
         van_der_waals=kernels.van_der_waals,
         double_layer=kernels.double_layer,
         short_range=kernels.short_range,
@@ -226,8 +228,8 @@ def simulate_encounter(
     ]
     if orient:
         pair = [a.turned(rng) for a in pair]
-    radius, units = scene.suspension.radius, scene.reduced
-    reach = sum(a.outer_radius(radius) for a in pair)
+    radii, units = radii_of_pair(scene, pair), scene.reduced
+    reach = sum(a.outer_radius(scene.suspension.radius) for a in pair)
     x0, y0 = (
         inflow.draw_offset(scene.flow, reach, rng) if offset is None else (float(offset[0]), float(offset[1]))
     )
@@ -248,7 +250,7 @@ def simulate_encounter(
         (positions / units.length) @ flow.gradient.T,
         bonded.copy(),
         np.full(bonded.shape, -np.inf),
-        np.ones(sum(sizes)),
+        np.ones(sum(sizes)) if radii is None else radii / units.length,
         parent,
         springs_of(pair) if scene.effects.resisting else None,
     )
@@ -264,6 +266,7 @@ def simulate_encounter(
     cpu_time = time.process_time() - started
     if record is not None and frames is not None:
         _keep(record, frames, units, parent)
+        record.radii = radii
 
     def seconds(value: NDArray[np.float64]) -> float:
         return float(value[0]) * units.time
@@ -286,10 +289,11 @@ def simulate_encounter(
                 final[m],
                 motion.bonded[np.ix_(m, m)],
                 None if motion.springs is None else motion.springs[np.ix_(m, m)],
+                None if radii is None else radii[m],
             )
             for m in members
         )
-        centres = np.array([final[m].mean(axis=0) for m in members])
+        centres = np.array([centre_of_mass(final[m], motion.radii[m]) for m in members])
         outcome = classify(members, sizes[0], contact)
     return EncounterResult(
         outcome=outcome,
@@ -310,6 +314,12 @@ def simulate_encounter(
         reason=reason,
         state=kept,
     )
+
+
+def radii_of_pair(scene: Scene, pair: list[Aggregate]) -> NDArray[np.float64] | None:
+    """Radii (N,) [m] of the primaries of two aggregates side by side; None where the suspension has only one."""
+    first, second = (radii_of(scene, a.radii, a.size) for a in pair)
+    return None if first is None or second is None else np.concatenate([first, second])
 
 
 def springs_of(pair: list[Aggregate]) -> NDArray[np.float64]:

@@ -34,7 +34,8 @@ def interesting(t: Trajectory) -> Trajectory:
     """
     cross = t.parent[:, None] != t.parent[None]
     distance = np.linalg.norm(t.positions[:, :, None] - t.positions[:, None], axis=3)
-    gap = distance[:, cross].min(axis=1) - 2 * t.radius
+    touching = t.each_radius[:, None] + t.each_radius
+    gap = (distance - touching)[:, cross].min(axis=1)
     near = int(np.argmax(gap < t.radius)) if (gap < t.radius).any() else int(np.argmin(gap))
     members = np.array([components(tension) for tension in t.tension])
     changed = np.flatnonzero((members[1:] != members[:-1]).any(axis=1))
@@ -97,10 +98,12 @@ def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
         pictures: list = []
         for k, half in enumerate(half_widths(t)):
             camera = Camera(t.positions[k].mean(axis=0), half, **SHEAR_PLANE)
-            solid = Canvas(camera, 2 * width, 2 * tall).spheres(t.positions[k], t.radius, tints).smoothed()
+            solid = (
+                Canvas(camera, 2 * width, 2 * tall).spheres(t.positions[k], t.each_radius, tints).smoothed()
+            )
             pairs, tension = t.bonds(k)
             net = Canvas(camera, 2 * width, 2 * tall)
-            net.spheres(t.positions[k], 0.30 * t.radius, 0.25 + 0.5 * tints)
+            net.spheres(t.positions[k], 0.30 * t.each_radius, 0.25 + 0.5 * tints)
             if len(pairs):
                 ends = t.positions[k][pairs]
                 net.rods(ends[:, 0], ends[:, 1], 0.16 * t.radius, colours.to_rgba(tension / scale)[:, :3])

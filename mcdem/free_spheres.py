@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mcdem.aggregate import overlap_limit
+from mcdem.aggregate import overlap_limit, radii_of
 from mcdem.encounter import physics_of
 from mcdem.errors import UserError
 from mcdem.hydrodynamics.far_field import five_to_tensor
@@ -37,9 +37,13 @@ class Velocities:
 
 
 def velocities(
-    scene: Scene, positions: ArrayLike, forces: ArrayLike | None = None, torques: ArrayLike | None = None
+    scene: Scene,
+    positions: ArrayLike,
+    forces: ArrayLike | None = None,
+    torques: ArrayLike | None = None,
+    radii: ArrayLike | None = None,
 ) -> Velocities:
-    """Velocities of free spheres of the scene's radius in its flow, with no direct forces between them.
+    """Velocities of free spheres of the scene's radius, or of `radii` (N,) [m] of several, in its flow, without direct forces.
 
     positions : (N, 3) [m];  forces : (N, 3) [N] and torques : (N, 3) [N m], external, zero by default.
     At the scene's level of hydrodynamics: Stokesian dynamics of Durlofsky, Brady & Bossis (1987), or a coarser one; with
@@ -60,31 +64,32 @@ def velocities(
                 f"{name}: found a number that is not finite in row {int(np.argwhere(~np.isfinite(array))[0, 0])}"
             )
     radius, units = scene.suspension.radius, scene.reduced
+    sizes = radii_of(scene, radii, len(x))
     if len(x) > 1:
-        nearest, neighbour = cKDTree(x).query(x, k=2)
-        gap = nearest[:, 1] - 2.0 * radius
-        if gap.min() < -overlap_limit(scene) * radius:
-            i = int(gap.argmin())
-            j = int(neighbour[i, 1])
+        pairs = cKDTree(x).query_pairs(2.0 * radius, output_type="ndarray")
+        touching = 2.0 * radius if sizes is None else sizes[pairs].sum(axis=1)
+        gap = np.linalg.norm(x[pairs[:, 0]] - x[pairs[:, 1]], axis=1) - touching
+        if gap.min(initial=0.0) < -overlap_limit(scene) * radius:
+            i, j = sorted(int(k) for k in pairs[gap.argmin()])
             raise UserError(
-                f"positions: spheres {i} and {j} overlap by {-gap[i] / radius:.3g} radii: move them apart "
+                f"positions: spheres {i} and {j} overlap by {-gap.min() / radius:.3g} radii: move them apart "
                 "(are the positions in metres?)"
             )
     flow, physics = physics_of(scene)
     flow_terms = (flow.gradient, flow.strain, flow.strain_five, f / units.force, t / units.energy)
     cutoff = (physics.cutoff, physics.shifted)
-    radii = np.ones(len(x))
+    scaled = np.ones(len(x)) if sizes is None else sizes / units.length
     if physics.stresslets is not None and len(x) >= MATRIX_FREE_FROM:
         from mcdem.hydrodynamics import matrix_free  # compiled for several cores, and seldom needed
 
-        found = matrix_free.solve_velocities(x / units.length, radii, *flow_terms, *cutoff, physics.table)
+        found = matrix_free.solve_velocities(x / units.length, scaled, *flow_terms, *cutoff, physics.table)
         linear, angular, five, code = found.linear, found.angular, found.stresslet, 0
     else:
         five = np.empty((len(x), 5))
         code, linear, angular = solve_velocities(
             workspace(len(x)),
             x / units.length,
-            radii,
+            scaled,
             *flow_terms,
             *cutoff,
             physics.coupled,

@@ -10,6 +10,12 @@ which takes the strain alone: 4/3 in simple shear (Smoluchowski 1917; Frungieri 
     planar, u = g (0, alpha z, y)                4/3 (1 + alpha): a strain of (1 + alpha)/2 of that of u = g (0, z, y)
     uniaxial extension, u = g (-x/2, -y/2, z)    4 pi/(3 sqrt(3)): what flows in between the cones of cos^2 = 1/3
     biaxial extension, the reverse               the same: as much flows out as in
+    linear, any G                                over one angle in closed form, over the other by quadrature
+
+That every point of entry has one point upstream, from which the streamline comes without turning back, needs r^2 to be convex
+in time along streamlines: with the strain E and the vorticity W of G = E + W, that d^2(r^2)/dt^2 = 2 r.(2 E^2 + EW - WE) r is
+nowhere below zero (`turns_back`).  It holds for every strain without vorticity, and for simple shear with equality somewhere;
+with more vorticity there are streamlines that circle, on which no encounter has a beginning.
 
 In simple shear the point of entry (x, y) has the density of the paper's Fig. 3, g y inside the half circle, since the flow is
 along z; the point upstream has the same (x, y).  An `offset` is two lengths that say where j enters, the rest by symmetry:
@@ -17,14 +23,17 @@ along z; the point upstream has the same (x, y).  An `offset` is two lengths tha
     planar flows    (x, y): along vorticity and gradient;  z of the opposite sign to y
     uniaxial        (0, z): the height along the axis of stretching, |z| < (R_i + R_j)/sqrt(3)
     biaxial         (0, y): the distance from the axis of compression, y < (R_i + R_j) sqrt(2/3)
+    linear          (z, s): the height along z, |z| < R_i + R_j, and the arc (R_i + R_j) times the azimuth from x to y
 """
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.integrate import quad
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
@@ -41,6 +50,8 @@ LONGEST = 1e4
 
 def gradient(flow: Flow) -> NDArray[np.float64]:
     """G/g (3, 3), u_inf = G r."""
+    if flow.gradient is not None:
+        return np.array(flow.gradient)
     if flow.kind == "uniaxial_extension":
         return np.diag([-0.5, -0.5, 1.0])
     if flow.kind == "biaxial_extension":
@@ -50,9 +61,44 @@ def gradient(flow: Flow) -> NDArray[np.float64]:
 
 def inflow_constant(flow: Flow) -> float:
     """K of the rate K g (R_i + R_j)^3."""
+    if flow.gradient is not None:
+        return _inflow_of_gradient(flow.gradient)
     if flow.kind in ("uniaxial_extension", "biaxial_extension"):
         return 4.0 * math.pi / (3.0 * math.sqrt(3.0))
     return 4.0 / 3.0 * (1.0 + flow.extension_share)
+
+
+@lru_cache(maxsize=32)
+def _inflow_of_gradient(gradient: tuple[tuple[float, ...], ...]) -> float:
+    G = np.array(gradient)
+    return inflow_of(np.linalg.eigvalsh(0.5 * (G + G.T)))
+
+
+def inflow_of(strains: NDArray[np.float64]) -> float:
+    """K of the principal rates of strain (3,): the integral over the unit sphere of max(-n.E n, 0).
+
+    At the height c = cos(theta) along the last axis n.E n = A + B cos(2 phi), whose negative part has a closed integral.
+    """
+    first, second, third = (float(e) for e in strains)
+
+    def over_azimuth(c: float) -> float:
+        mean = 0.5 * (first + second) * (1.0 - c * c) + third * c * c
+        swing = abs(0.5 * (first - second) * (1.0 - c * c))
+        if abs(mean) >= swing:
+            return max(-2.0 * math.pi * mean, 0.0)
+        from_there = math.acos(-mean / swing)
+        return 2.0 * swing * math.sin(from_there) - 2.0 * mean * (math.pi - from_there)
+
+    # n.E n changes its sign at these heights along the two meridians of the other axes.
+    kinks = [math.sqrt(e / (e - third)) for e in (first, second) if e * third < 0.0]
+    value, _ = quad(over_azimuth, 0.0, 1.0, points=sorted(kinks) or None, epsabs=1e-12, limit=200)
+    return 2.0 * value
+
+
+def turns_back(G: NDArray[np.float64]) -> bool:
+    """Whether r^2 is not convex along some streamline of u = G r, so that it may come back (see above)."""
+    E, W = 0.5 * (G + G.T), 0.5 * (G - G.T)
+    return bool(np.linalg.eigvalsh(2.0 * E @ E + E @ W - W @ E)[0] < -1e-9 * np.abs(G).max() ** 2)
 
 
 def draw_offset(flow: Flow, reach: float, rng: np.random.Generator) -> tuple[float, float]:
@@ -80,6 +126,8 @@ def draw_direction(G: NDArray[np.float64], rng: np.random.Generator) -> NDArray[
 def offset_of(flow: Flow, entry: NDArray[np.float64]) -> tuple[float, float]:
     """The offset of a point of entry (3,), up to the symmetries of the flow."""
     x, y, z = (float(c) for c in entry)
+    if flow.gradient is not None:
+        return z, float(np.linalg.norm(entry)) * math.atan2(y, x)
     if flow.kind == "uniaxial_extension":
         return 0.0, z
     if flow.kind == "biaxial_extension":
@@ -90,6 +138,8 @@ def offset_of(flow: Flow, entry: NDArray[np.float64]) -> tuple[float, float]:
 def entry_of(flow: Flow, reach: float, offset: tuple[float, float]) -> NDArray[np.float64]:
     """Point (3,) [m] at which j enters the sphere of radius `reach`; raises `UserError` where nothing flows in."""
     x, y = offset
+    if flow.gradient is not None:
+        return entry_of_linear(flow.gradient, reach, offset)
     if flow.kind in ("uniaxial_extension", "biaxial_extension"):
         uniaxial = flow.kind == "uniaxial_extension"
         bound = reach * (math.sqrt(1.0 / 3.0) if uniaxial else math.sqrt(2.0 / 3.0))
@@ -106,6 +156,25 @@ def entry_of(flow: Flow, reach: float, offset: tuple[float, float]) -> NDArray[n
             "meet i"
         )
     return np.array([x, y, -math.copysign(math.sqrt(reach * reach - x * x - y * y), y)])
+
+
+def entry_of_linear(
+    gradient: tuple[tuple[float, ...], ...], reach: float, offset: tuple[float, float]
+) -> NDArray[np.float64]:
+    """`entry_of` in a flow of given gradient."""
+    z, arc = offset
+    across = math.sqrt(max(reach * reach - z * z, 0.0))
+    entry = np.array([across * math.cos(arc / reach), across * math.sin(arc / reach), z])
+    if not (abs(z) < reach and abs(arc) <= math.pi * reach * (1.0 + 1e-12)):
+        raise UserError(
+            f"offset: ({z:g}, {arc:g}) m, expected a height below {reach:.4g} m and an arc of at most {math.pi * reach:.4g} m"
+        )
+    if not float(entry @ np.array(gradient) @ entry) < 0.0:
+        raise UserError(
+            f"offset: ({z:g}, {arc:g}) m, expected a place on the sphere of radius {reach:.4g} m where fluid flows in: elsewhere "
+            "j cannot meet i"
+        )
+    return entry
 
 
 def upstream(

@@ -16,6 +16,8 @@ readings of "mass":
   This is the reading of their Table 2: over thousands of isostatic packings with the R_g and R of its 19-mer
   (18-mer), the aspect ratio reaches the printed 3.64 (2.90) with points and at most 3.3 (2.8) with solid primaries.
 - ``"spheres"``: each primary is a homogeneous sphere and adds its own a^2/5; nothing degenerates.
+
+Primaries of several radii, where given as (sum P,) [m], weigh by their volume, in the centre of mass too.
 """
 
 from __future__ import annotations
@@ -38,30 +40,60 @@ def _per_aggregate(values: NDArray, sizes: Ints) -> NDArray:
     return np.add.reduceat(values, np.concatenate([[0], np.cumsum(sizes)[:-1]]), axis=0)
 
 
-def about_centres(positions: Floats, sizes: Ints) -> Floats:
+def _weighted_mean(values: NDArray, sizes: Ints, radii: Floats | None) -> NDArray:
+    """Mean over the mass of each aggregate. values : (sum P, ...) -> (A, ...)"""
+    if radii is None:
+        return _per_aggregate(values, sizes) / sizes.reshape(-1, *[1] * (values.ndim - 1))
+    rest = [1] * (values.ndim - 1)
+    masses = radii**3
+    return _per_aggregate(masses.reshape(-1, *rest) * values, sizes) / _per_aggregate(masses, sizes).reshape(
+        -1, *rest
+    )
+
+
+def about_centres(positions: Floats, sizes: Ints, radii: Floats | None = None) -> Floats:
     """Positions about each aggregate's centre of mass. (sum P, 3) [m]"""
-    centres = _per_aggregate(positions, sizes) / sizes[:, None]
-    return positions - np.repeat(centres, sizes, axis=0)
+    return positions - np.repeat(_weighted_mean(positions, sizes, radii), sizes, axis=0)
 
 
-def second_moments(positions: Floats, sizes: Ints) -> Floats:
+def second_moments(positions: Floats, sizes: Ints, radii: Floats | None = None) -> Floats:
     """Principal second moments of the centres, largest first. (A, 3) [m^2]; they add up to R_g^2."""
-    r = about_centres(positions, sizes)
-    tensor = _per_aggregate(r[:, :, None] * r[:, None, :], sizes) / sizes[:, None, None]
+    r = about_centres(positions, sizes, radii)
+    tensor = _weighted_mean(r[:, :, None] * r[:, None, :], sizes, radii)
     return np.clip(np.linalg.eigvalsh(tensor)[:, ::-1], 0.0, None)
 
 
-def outer_radii(positions: Floats, sizes: Ints, radius: float) -> Floats:
+def _largest(values: Floats, sizes: Ints) -> Floats:
+    """Largest value in each aggregate. (sum P,) -> (A,)"""
+    return np.maximum.reduceat(values, np.concatenate([[0], np.cumsum(sizes)[:-1]]))
+
+
+def outer_radii(positions: Floats, sizes: Ints, radius: float, radii: Floats | None = None) -> Floats:
     """R, from the centre of mass to the farthest surface. (A,) [m]"""
-    distance = np.linalg.norm(about_centres(positions, sizes), axis=1)
-    return np.maximum.reduceat(distance, np.concatenate([[0], np.cumsum(sizes)[:-1]])) + radius
+    distance = np.linalg.norm(about_centres(positions, sizes, radii), axis=1)
+    if radii is None:
+        return _largest(distance, sizes) + radius
+    return _largest(distance + radii, sizes)
 
 
-def semi_axes(moments: Floats, radius: float, inertia: Inertia = "points") -> Floats:
-    """Semi-axes of the inertia-equivalent ellipsoid, a_1 >= a_2 >= a_3. (A, 3) [m]"""
+def semi_axes(
+    moments: Floats,
+    radius: float,
+    inertia: Inertia = "points",
+    sizes: Ints | None = None,
+    radii: Floats | None = None,
+) -> Floats:
+    """Semi-axes of the inertia-equivalent ellipsoid, a_1 >= a_2 >= a_3. (A, 3) [m]
+
+    Of several radii, with the sizes (A,), "points" takes no axis smaller than the largest primary's radius.
+    """
+    if radii is None or sizes is None:
+        floor, own = np.array(radius), np.array(radius**2)
+    else:
+        floor, own = _largest(radii, sizes)[:, None], _weighted_mean(radii**2, sizes, radii)[:, None]
     if inertia == "spheres":
-        return np.sqrt(5.0 * moments + radius**2)
-    return np.maximum(np.sqrt(5.0 * moments), radius)
+        return np.sqrt(5.0 * moments + own)
+    return np.maximum(np.sqrt(5.0 * moments), floor)
 
 
 def aspect_ratio(axes: Floats) -> Floats:
@@ -98,10 +130,11 @@ def population_morphology(
     radius: float,
     inertia: Inertia = "points",
     rigidity: bool = True,
+    radii: Floats | None = None,
 ) -> xr.Dataset:
     """Shape and structure of every aggregate of a population; shapes as in the head of this file.
 
-    radius : radius of a primary [m]
+    radius : radius of a primary [m], of several the largest;  radii : (sum P,) [m] then of each
     rigidity : whether to count floppy modes and redundant bonds, by far the dearest of all
     Returns a Dataset over ``aggregate`` whose variables carry units and long names.
     """
@@ -121,17 +154,18 @@ def population_morphology(
     if len(sizes) == 0:
         moments, outer, modes = np.empty((0, 3)), np.empty(0), np.empty((0, 2), dtype=np.int64)
     else:
-        moments = second_moments(positions, sizes)
-        outer = outer_radii(positions, sizes, radius)
+        moments = second_moments(positions, sizes, radii)
+        outer = outer_radii(positions, sizes, radius, radii)
         modes = count_modes(positions / radius, sizes, bonds, bond_counts) if rigidity else None
-    axes = semi_axes(moments, radius, inertia)
+    axes = semi_axes(moments, radius, inertia, sizes, radii)
+    cubes = sizes * radius**3 if radii is None or len(sizes) == 0 else _per_aggregate(radii**3, sizes)
     values = {
         "size": sizes,
         "outer_radius": outer,
         "radius_of_gyration": np.sqrt(moments.sum(axis=1)),
         "aspect_ratio": aspect_ratio(axes),
-        "solid_fraction_sphere": sizes * (radius / outer) ** 3,
-        "solid_fraction_ellipsoid": sizes * radius**3 / axes.prod(axis=1),
+        "solid_fraction_sphere": sizes * (radius / outer) ** 3 if radii is None else cubes / outer**3,
+        "solid_fraction_ellipsoid": cubes / axes.prod(axis=1),
         "bond_count": bond_counts,
         "coordination_number": 2.0 * bond_counts / sizes,
         "isostatic_bond_count": isostatic_bonds(sizes),
@@ -153,11 +187,13 @@ def population_morphology(
     return dataset
 
 
-def morphology(positions: Floats, bonds: Ints, radius: float, inertia: Inertia = "points") -> xr.Dataset:
+def morphology(
+    positions: Floats, bonds: Ints, radius: float, inertia: Inertia = "points", radii: Floats | None = None
+) -> xr.Dataset:
     """Shape and structure of one aggregate: positions (P, 3) [m], bonds (n_b, 2). Scalars with units."""
     positions = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
     bonds = np.asarray(bonds, dtype=np.int64).reshape(-1, 2)
     one = population_morphology(
-        positions, np.array([len(positions)]), bonds, np.array([len(bonds)]), radius, inertia
+        positions, np.array([len(positions)]), bonds, np.array([len(bonds)]), radius, inertia, True, radii
     )
     return one.isel(aggregate=0)

@@ -46,7 +46,7 @@ class Population:
 
     Attributes
     ----------
-    primary_radius : a [m]
+    primary_radius : a [m], of several the largest
     volume : sample volume Delta V [m^3]
     aggregates : aggregate of each place, or None
     serials : number of the aggregate at each place
@@ -71,14 +71,19 @@ class Population:
 
     @classmethod
     def of_primaries(cls, scene: Scene) -> Population:
-        """The suspension at the start: `population.initial` free primary particles at the scene's volume fraction."""
-        radius = scene.suspension.radius
-        initial = scene.population.initial
-        volume = initial * (4.0 / 3.0) * math.pi * radius**3 / scene.suspension.volume_fraction
-        population = cls(radius, volume, initial)
-        monomer = Aggregate.monomer()
-        for _ in range(initial):
-            population.add(monomer)
+        """The suspension at the start: `population.initial` free primary particles at the scene's volume fraction.
+
+        Of several radii, each has its share of them, to within one primary.
+        """
+        suspension, initial = scene.suspension, scene.population.initial
+        numbers = shares_of(initial, suspension.number_fractions or (1.0,))
+        cubes = math.fsum(n * radius**3 for n, radius in zip(numbers, suspension.species, strict=True))
+        volume = cubes * (4.0 / 3.0) * math.pi / suspension.volume_fraction
+        population = cls(suspension.radius, volume, initial)
+        for number, radius in zip(numbers, suspension.species, strict=True):
+            monomer = Aggregate.monomer(None if suspension.radii is None else radius)
+            for _ in range(number):
+                population.add(monomer)
         return population
 
     def __iter__(self) -> Iterator[tuple[int, Aggregate]]:
@@ -224,6 +229,16 @@ class Population:
         population._free = [p for p, aggregate in enumerate(population.aggregates) if aggregate is None]
         population.next_serial = next_serial
         return population
+
+
+def shares_of(count: int, fractions: Sequence[float]) -> list[int]:
+    """Whole numbers that add up to `count`, nearest to its `fractions` (largest remainders)."""
+    wanted = [count * fraction for fraction in fractions]
+    numbers = [math.floor(share + 1e-9) for share in wanted]
+    by_remainder = sorted(range(len(wanted)), key=lambda s: numbers[s] - wanted[s])
+    for s in by_remainder[: count - sum(numbers)]:
+        numbers[s] += 1
+    return numbers
 
 
 def surviving(

@@ -157,6 +157,8 @@ PRIMARIES = {
         "f8", "m", "centre of each primary particle about the centre of mass", (("axis", 3),)
     ),
 }
+RADII = {"radius": Variable("f8", "m", "radius of each primary particle")}
+"""Of primaries of several radii."""
 BONDS = {
     "bond": Variable(
         "i4", "1", "primary particles in contact, numbered within their aggregate", (("end", 2),)
@@ -211,12 +213,15 @@ class Table:
 
 
 class Geometries:
-    """Aggregates one after the other, each with its primaries and bonds; `resisting`: and the history of these."""
+    """Aggregates one after the other, each with its primaries and bonds.
 
-    def __init__(self, resisting: bool) -> None:
-        self.resisting = resisting
+    resisting : also the history of the bonds;  several : also the radii of the primaries
+    """
+
+    def __init__(self, resisting: bool, several: bool) -> None:
+        self.resisting, self.several = resisting, several
         self.aggregates = Table(AGGREGATES)
-        self.primaries = Table(PRIMARIES)
+        self.primaries = Table(PRIMARIES | RADII if several else PRIMARIES)
         self.bonds = Table(BONDS | SPRINGS if resisting else BONDS)
 
     def extend(self, aggregates: Sequence[Aggregate], serials: Sequence[int], outer_radii: ArrayLike) -> None:
@@ -229,7 +234,8 @@ class Geometries:
             number_of_bonds=[len(aggregate.bonds) for aggregate in aggregates],
             outer_radius=outer_radii,
         )
-        self.primaries.extend(len(positions), position=positions)
+        radii = {"radius": joined_radii(aggregates)} if self.several else {}
+        self.primaries.extend(len(positions), position=positions, **radii)
         springs = {}
         if self.resisting:
             springs["spring"] = np.concatenate([histories(aggregate) for aggregate in aggregates])
@@ -238,7 +244,11 @@ class Geometries:
     def since(self, row: int) -> list[Aggregate]:
         """The aggregates from the given row to the last."""
         sizes, bonds = self.aggregates["size"][row:], self.aggregates["number_of_bonds"][row:]
-        positions = self.primaries["position"][self.primaries.rows - sizes.sum() :]
+        primaries = slice(self.primaries.rows - sizes.sum(), None)
+        members = np.cumsum(sizes)[:-1]
+        radii: Sequence[NDArray[np.float64] | None] = [None] * len(sizes)
+        if self.several:
+            radii = [r.copy() for r in np.split(self.primaries["radius"][primaries], members)]
         ends = np.cumsum(bonds)[:-1]
         pairs = np.split(self.bonds["bond"][self.bonds.rows - bonds.sum() :], ends)
         springs: Sequence[NDArray[np.float64] | None] = [None] * len(sizes)
@@ -247,11 +257,12 @@ class Geometries:
                 s.copy() for s in np.split(self.bonds["spring"][self.bonds.rows - bonds.sum() :], ends)
             ]
         return [
-            Aggregate(p.copy(), b.copy(), s)
-            for p, b, s in zip(
-                np.split(positions, np.cumsum(sizes)[:-1]),
+            Aggregate(p.copy(), b.copy(), s, r)
+            for p, b, s, r in zip(
+                np.split(self.primaries["position"][primaries], members),
                 pairs,
                 springs,
+                radii,
                 strict=True,
             )
         ]
@@ -272,12 +283,18 @@ def histories(aggregate: Aggregate) -> NDArray[np.float64]:
     return np.zeros((len(aggregate.bonds), 7)) if aggregate.springs is None else aggregate.springs
 
 
+def joined_radii(aggregates: Sequence[Aggregate]) -> NDArray[np.float64] | None:
+    """Radii (sum P,) [m] of the primaries of several aggregates; None where the suspension has only one."""
+    found = [aggregate.radii for aggregate in aggregates if aggregate.radii is not None]
+    return np.concatenate(found) if found else None
+
+
 class Snapshots:
     """Populations at chosen times."""
 
-    def __init__(self, resisting: bool) -> None:
+    def __init__(self, resisting: bool, several: bool) -> None:
         self.times = Table(SNAPSHOTS)
-        self.geometries = Geometries(resisting)
+        self.geometries = Geometries(resisting, several)
 
     def append(self, time: float, population: Population) -> None:
         self.times.append(time=time, volume=population.volume, number_of_aggregates=population.number)
@@ -322,8 +339,9 @@ class Record:
 
     def __post_init__(self) -> None:
         self.history = [_stretch(0, 0.0)]
-        self.snapshots = Snapshots(self.scene.effects.resisting)
-        self.kept_parents = Geometries(self.scene.effects.resisting)
+        kind = self.scene.effects.resisting, self.scene.suspension.radii is not None
+        self.snapshots = Snapshots(*kind)
+        self.kept_parents = Geometries(*kind)
 
     def sample(self, time: float, population: Population) -> None:
         """Append to the series."""
@@ -562,11 +580,10 @@ def _shapes(
     aggregates: Sequence[Aggregate], primary_radius: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Aspect ratios (Eq. 27) and radii of gyration [m]."""
-    moments = second_moments(
-        np.concatenate([aggregate.positions for aggregate in aggregates]),
-        np.array([aggregate.size for aggregate in aggregates]),
-    )
-    return aspect_ratio(semi_axes(moments, primary_radius)), np.sqrt(moments.sum(axis=1))
+    sizes, radii = np.array([aggregate.size for aggregate in aggregates]), joined_radii(aggregates)
+    moments = second_moments(np.concatenate([a.positions for a in aggregates]), sizes, radii)
+    axes = semi_axes(moments, primary_radius, sizes=sizes, radii=radii)
+    return aspect_ratio(axes), np.sqrt(moments.sum(axis=1))
 
 
 def _column(stored: netCDF4.Variable) -> NDArray[Any]:

@@ -56,11 +56,14 @@ class Canvas:
         """Pixels per unit of length."""
         return self.width / (2 * self.camera.half_width)
 
-    def spheres(self, centres: ArrayLike, radius: float, colours: ArrayLike, outline: float = 0.35) -> Canvas:
-        """Shaded spheres; `outline` darkens their rims so that touching ones stay apart."""
+    def spheres(
+        self, centres: ArrayLike, radius: ArrayLike, colours: ArrayLike, outline: float = 0.35
+    ) -> Canvas:
+        """Shaded spheres of one radius or of one each; `outline` darkens their rims so that touching ones stay apart."""
         at = self.camera.project(centres) * self.scale
-        r = radius * self.scale
-        for (x, y, z), colour in zip(at, np.broadcast_to(np.asarray(colours, float), at.shape), strict=True):
+        radii = np.broadcast_to(np.asarray(radius, float) * self.scale, len(at))
+        tints = np.broadcast_to(np.asarray(colours, float), at.shape)
+        for (x, y, z), r, colour in zip(at, radii, tints, strict=True):
             self._sphere(self.width / 2 + x, self.height / 2 - y, z, r, colour, outline)
         return self
 

@@ -128,6 +128,7 @@ def warnings(run: Run) -> Iterator[str]:
 def report(file: Path | str) -> str:
     """HTML of the report of one run, all in one file."""
     run = Run(file)
+    run.scene.require_one_radius("the report is made of the paper's figures; `mcdem plot` draws its course")
     if not run.events.sizes["event"]:
         raise UserError(f"{run.path}: holds no encounter yet; let `mcdem run` go on with --resume")
     pictures = []

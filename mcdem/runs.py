@@ -43,7 +43,7 @@ class Run:
 
     @property
     def radius(self) -> float:
-        """a [m]"""
+        """a [m], of several the largest"""
         return self.scene.suspension.radius
 
     @property
@@ -133,12 +133,21 @@ class Run:
         links = slice(int(bonds[: rows.start].sum()), int(bonds[: rows.stop].sum()))
         return s["position"].values[primaries], sizes[rows], s["bond"].values[links], bonds[rows]
 
+    def _radii(self, snapshot: int) -> NDArray[np.float64] | None:
+        """Radii (sum P,) [m] of the primaries of a snapshot; None where the suspension has only one."""
+        if "radius" not in self._snapshots:
+            return None
+        first = int(self._snapshots["size"].values[: self._first(snapshot)].sum())
+        return np.asarray(self._snapshots["radius"].values[first : first + self._ragged(snapshot)[1].sum()])
+
     def population(
         self, snapshot: int = -1, inertia: Inertia = "points", rigidity: bool = True
     ) -> xr.Dataset:
         """Morphology of every aggregate of a snapshot, over ``aggregate``."""
         positions, sizes, bonds, counts = self._ragged(snapshot)
-        found = population_morphology(positions, sizes, bonds, counts, self.radius, inertia, rigidity)
+        found = population_morphology(
+            positions, sizes, bonds, counts, self.radius, inertia, rigidity, self._radii(snapshot)
+        )
         return found.assign_attrs(time=float(self.snapshot_times[snapshot]), stress=self.stress)
 
     def geometry(self, aggregate: int, snapshot: int = -1) -> tuple[NDArray, NDArray]:
@@ -159,9 +168,13 @@ class Run:
             before = int(self._snapshots["number_of_bonds"].values[: self._first(snapshot)].sum())
             histories = self._snapshots["spring"].values[before : before + counts.sum()]
             springs = np.split(histories, links[:-1])
+        radii = self._radii(snapshot)
+        each = [None] * len(sizes) if radii is None else np.split(radii, ends[:-1])
         return [
-            Aggregate(positions[end - size : end], bonds[link - count : link].astype(np.int32), spring)
-            for end, size, link, count, spring in zip(ends, sizes, links, counts, springs, strict=True)
+            Aggregate(positions[end - size : end], bonds[link - count : link].astype(np.int32), spring, own)
+            for end, size, link, count, spring, own in zip(
+                ends, sizes, links, counts, springs, each, strict=True
+            )
         ]
 
     def _first(self, snapshot: int) -> int:

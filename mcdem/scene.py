@@ -14,15 +14,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
+import numpy as np
 import tomlkit
 import tomlkit.exceptions
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from mcdem.effects import Effects
 from mcdem.errors import SceneError
-from mcdem.inflow import inflow_constant
+from mcdem.inflow import inflow_constant, turns_back
 from mcdem.table import Key, Table, explain, keys, written
 from mcdem.units import (
+    Dimensionless,
     NonNegativeDimensionless,
     PositiveDimensionless,
     PositiveLength,
@@ -35,14 +37,60 @@ from mcdem.units import (
 # Marks the key of a table that follows from the other keys, until they are read.
 FROM_THE_OTHERS = math.nan
 
+SMALLEST_RATIO = 0.1
+"""Smallest over largest radius of a suspension."""
+
 
 class Suspension(Table):
     """The primary particles and how many of them there are."""
 
-    radius: PositiveLength
-    """Radius a of the primary particles."""
+    radius: PositiveLength = FROM_THE_OTHERS
+    """Radius a of the primary particles; where `radii` are given instead, the largest of them."""
+    radii: Annotated[tuple[PositiveLength, ...], Field(strict=False)] | None = None
+    """Radii of the primaries of a suspension of several, instead of `radius`; what is given over a is over the largest."""
+    number_fractions: Annotated[tuple[PositiveDimensionless, ...], Field(strict=False)] | None = None
+    """Share in number of the primaries of each of the `radii`; they add up to 1."""
     volume_fraction: Annotated[PositiveDimensionless, Field(lt=0.74)]
     """Volume of the primary particles over that of the suspension; encounters are binary, so it should be small."""
+
+    @property
+    def species(self) -> tuple[float, ...]:
+        """Radii [m] that the primaries have."""
+        return (self.radius,) if self.radii is None else self.radii
+
+    @model_validator(mode="after")
+    def _one_radius_or_several(self) -> Self:
+        given = self.model_fields_set & {"radius", "radii"}
+        if len(given) != 1:
+            raise ValueError(
+                'give radius, such as "500 nm", or radii and their number_fractions '
+                f"(found {' and '.join(sorted(given)) or 'neither'})"
+            )
+        if self.radii is None:
+            if self.number_fractions is not None:
+                raise ValueError(
+                    "number_fractions belong to radii: remove them, or give radii instead of radius"
+                )
+            return self
+        if self.number_fractions is None:
+            raise ValueError("radii need number_fractions, one for each, such as [0.5, 0.5]")
+        if len(self.radii) < 2 or len(set(self.radii)) < len(self.radii):
+            raise ValueError("radii: expected two or more, all different; a suspension of one has a radius")
+        if len(self.number_fractions) != len(self.radii):
+            raise ValueError(
+                f"number_fractions: expected {len(self.radii)}, one for each of radii, found {len(self.number_fractions)}"
+            )
+        if abs(math.fsum(self.number_fractions) - 1.0) > 1e-9:
+            raise ValueError(
+                f"number_fractions add up to {math.fsum(self.number_fractions):.10g}, expected 1"
+            )
+        if min(self.radii) < SMALLEST_RATIO * max(self.radii):
+            raise ValueError(
+                f"radii from {min(self.radii):g} to {max(self.radii):g} m: expected ratios of at least {SMALLEST_RATIO:g}, "
+                "to which the two-sphere functions are summed"
+            )
+        self.__dict__["radius"] = max(self.radii)
+        return self
 
 
 class Flow(Table):
@@ -51,13 +99,20 @@ class Flow(Table):
     The file gives exactly two of `shear_rate`, `viscosity` and `shear_stress`; the third follows.
     """
 
-    kind: Literal["simple_shear", "planar", "planar_extension", "uniaxial_extension", "biaxial_extension"] = (
-        "simple_shear"
-    )
+    kind: Literal[
+        "simple_shear", "planar", "planar_extension", "uniaxial_extension", "biaxial_extension", "linear"
+    ] = "simple_shear"
     """"simple_shear": u = g (0, 0, y); "planar": u = g (0, alpha z, y); "planar_extension": the same with alpha = 1;
-    "uniaxial_extension": u = g (-x/2, -y/2, z), stretching along z; "biaxial_extension": the reverse."""
+    "uniaxial_extension": u = g (-x/2, -y/2, z), stretching along z; "biaxial_extension": the reverse;
+    "linear": any other, by its `gradient`."""
     alpha: Annotated[PositiveDimensionless, Field(le=1.0)] | None = None
     """Share of extension in a planar flow, between simple shear (0) and planar extension (1); its kind alone has it."""
+    gradient: (
+        Annotated[tuple[Annotated[tuple[Dimensionless, ...], Field(strict=False)], ...], Field(strict=False)]
+        | None
+    ) = None
+    """Rows of the velocity gradient over g of a linear flow, u = g G r: three of three numbers, of trace 0; such as
+    [[-0.7, 0, 0], [0, -0.3, 0], [0, 0, 1]], between planar and uniaxial extension."""
     shear_rate: PositiveRate = FROM_THE_OTHERS
     """Rate g of the flow: the shear rate, or in extension the rate of stretching."""
     viscosity: PositiveViscosity = FROM_THE_OTHERS
@@ -83,6 +138,33 @@ class Flow(Table):
             raise ValueError('kind = "planar" needs alpha, its share of extension: above 0 and up to 1')
         if self.kind != "planar" and self.alpha is not None:
             raise ValueError(f'kind = "{self.kind}" has no alpha: remove it, or use kind = "planar"')
+        return self
+
+    @model_validator(mode="after")
+    def _gradient_is_of_linear_flows(self) -> Self:
+        if (self.kind == "linear") != (self.gradient is not None):
+            raise ValueError(
+                'kind = "linear" and gradient go together: give both, or another kind and no gradient'
+            )
+        if self.gradient is None:
+            return self
+        if [len(row) for row in self.gradient] != [3, 3, 3]:
+            raise ValueError("gradient: expected three rows of three numbers")
+        G = np.array(self.gradient)
+        size = float(np.abs(G).max())
+        if abs(np.trace(G)) > 1e-9 * size:
+            raise ValueError(
+                f"gradient has the trace {np.trace(G):g}, expected 0: the fluid keeps its volume"
+            )
+        if not np.abs(G + G.T).max() > 1e-9 * size:
+            raise ValueError(
+                "gradient is a rotation alone, expected one that strains: nothing meets otherwise"
+            )
+        if turns_back(G):
+            raise ValueError(
+                "gradient has streamlines that turn back, more vorticity than simple shear has for its strain: expected one in "
+                "which every streamline comes from far away, for an encounter to have a beginning"
+            )
         return self
 
     @model_validator(mode="after")
@@ -334,6 +416,18 @@ class Scene(Table):
         """The units of the compiled code."""
         radius, rate = self.suspension.radius, self.flow.shear_rate
         return ReducedUnits(radius, 1.0 / rate, 6.0 * math.pi * self.flow.viscosity * radius**2 * rate)
+
+    @property
+    def reduced_radii(self) -> tuple[float, ...]:
+        """The radii of the primaries in units of the largest."""
+        return tuple(radius / self.suspension.radius for radius in self.suspension.species)
+
+    def require_one_radius(self, what: str) -> None:
+        """Refuse, for what holds for primaries of one radius only; raises `SceneError`."""
+        if self.suspension.radii is not None:
+            raise SceneError(
+                f"{self.path or self.name}: [suspension] radii names {len(self.suspension.radii)} sizes, expected one: {what}"
+            )
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy, unchecked where updated, that forgets the text it was read from."""

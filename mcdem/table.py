@@ -75,8 +75,14 @@ def written(model: BaseModel) -> dict[str, Any]:
         if isinstance(value, BaseModel):
             tables[name] = written(value)
         else:
-            tables[name] = f"{value!r} {unit}" if unit else value
+            tables[name] = _with_unit(value, unit)
     return tables
+
+
+def _with_unit(value: Any, unit: str) -> Any:
+    if isinstance(value, tuple):
+        return [_with_unit(one, unit) for one in value]
+    return f"{value!r} {unit}" if unit else value
 
 
 def explain(error: ValidationError, model: type[BaseModel], source: str) -> str:
@@ -127,7 +133,14 @@ def _sentence(
 
 
 def _path(detail: ErrorDetails) -> tuple[str, ...]:
-    return tuple(str(part) for part in detail["loc"])
+    """The tables and the key of a problem; of an item of a list, `key[number]`."""
+    found: list[str] = []
+    for part in detail["loc"]:
+        if isinstance(part, int) and found:
+            found[-1] += f"[{part}]"
+        else:
+            found.append(str(part))
+    return tuple(found)
 
 
 def _nearest(model: type[BaseModel], loc: tuple[int | str, ...]) -> str | None:
@@ -166,12 +179,16 @@ def _expected(annotation: Any, metadata: Iterable[Any] = ()) -> str:
     marks = [part for mark in metadata for part in (mark.metadata if isinstance(mark, FieldInfo) else [mark])]
     signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
     bounds = " and ".join(f"{signs[n]} {getattr(m, n):g}" for m in marks for n in signs if hasattr(m, n))
-    quantities = _quantities(annotation, marks)
-    if quantities:
-        return f"{quantities[0].kind} {bounds}" if bounds else quantities[0].expected
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Annotated:
         return _expected(arguments[0], arguments[1:])
+    if origin is tuple:
+        return f"a list, each {_expected(arguments[0])}"
+    if origin in (typing.Union, types.UnionType) and len(arguments) == 2 and type(None) in arguments:
+        return _expected(next(option for option in arguments if option is not type(None)), marks)
+    quantities = _quantities(annotation, marks)
+    if quantities:
+        return f"{quantities[0].kind} {bounds}" if bounds else quantities[0].expected
     if origin is typing.Literal:
         return " or ".join(_toml(choice) for choice in arguments)
     if origin in (typing.Union, types.UnionType):

@@ -296,6 +296,7 @@ def tabulate(
     shape, shapes : second coordinate of the classes (see `pbekit.tables.SHAPES`) and how many classes it has
     """
     path, seed = Path(output), checked(scene.run.seed if seed is None else seed)
+    scene.require_one_radius("a table for the balance counts equal primaries")
     if shape not in SHAPES:
         raise UserError(f'shape = "{shape}": expected one of {", ".join(SHAPES)}')
     if path.exists() and not (resume or overwrite):

@@ -30,11 +30,13 @@ NO_BOND = -1
 class Trajectory:
     """What a film, a view or an analysis needs of an encounter; SI throughout.
 
-    radius : of the primaries [m];  shear_rate : [1/s];  pull_off_force : of a contact [N], nan without contacts
+    radius : of the primaries [m], of several the largest;  shear_rate : [1/s]
+    pull_off_force : of a contact [N] of two such primaries, nan without contacts
     time : (F,) [s];  positions : (F, N, 3) [m]
     tension : (F, N, N) [N] of each bond, symmetric, nan where there is no bond; compression is negative
     parent : (N,) 0 for primaries of aggregate i, 1 for those of j
     origin : what made it: scene text, outcome, seed, ...
+    radii : (N,) [m] of primaries of several radii, else None
     """
 
     radius: float
@@ -45,6 +47,7 @@ class Trajectory:
     tension: NDArray[np.float64]
     parent: NDArray[np.integer]
     origin: dict[str, str] = field(default_factory=dict)
+    radii: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         frames, primaries = self.positions.shape[:2]
@@ -74,11 +77,17 @@ class Trajectory:
             recorder.tension,
             recorder.parent,
             {"scene": scene.text, **origin},
+            recorder.radii,
         )
 
     @property
     def frames(self) -> int:
         return len(self.time)
+
+    @property
+    def each_radius(self) -> NDArray[np.float64]:
+        """(N,) [m] radius of each primary."""
+        return np.full(len(self.parent), self.radius) if self.radii is None else self.radii
 
     @property
     def strain(self) -> NDArray[np.float64]:
@@ -112,6 +121,7 @@ class Trajectory:
             self.tension[chosen],
             self.parent,
             self.origin,
+            self.radii,
         )
 
     def to_xarray(self) -> xr.Dataset:
@@ -147,7 +157,7 @@ class Trajectory:
 def write(trajectory: Trajectory, path: Path | str) -> None:
     """Write an AMBER NetCDF trajectory with the extra fields."""
     t = trajectory
-    frames, atoms = t.positions.shape[:2]
+    frames = t.frames
     bonds = [t.bonds(k) for k in range(frames)]
     slots = max((len(tension) for _, tension in bonds), default=0)
     pairs = np.full((frames, slots, 2), NO_BOND, dtype=np.int32)
@@ -160,7 +170,7 @@ def write(trajectory: Trajectory, path: Path | str) -> None:
             "spatial": ("spatial", np.array([b"x", b"y", b"z"], "S1")),
             "time": ("frame", t.time / PICOSECOND, {"units": "picosecond"}),
             "coordinates": (("frame", "atom", "spatial"), t.positions / ANGSTROM, {"units": "angstrom"}),
-            "radius": (("frame", "atom"), every * np.full(atoms, t.radius / ANGSTROM), {"units": "angstrom"}),
+            "radius": (("frame", "atom"), every * t.each_radius / ANGSTROM, {"units": "angstrom"}),
             "parent": (
                 ("frame", "atom"),
                 (every * t.parent).astype(np.int32),
@@ -221,7 +231,7 @@ def read(path: Path | str) -> Trajectory:
             data.load()
     except (OSError, ValueError) as problem:
         raise DataFileError(f"{path}: cannot be read as NetCDF ({problem})") from None
-    positions = data["coordinates"].values * ANGSTROM
+    positions, radii = data["coordinates"].values * ANGSTROM, data["radius"].values[0] * ANGSTROM
     frames, atoms = positions.shape[:2]
     tension = np.full((frames, atoms, atoms), np.nan)
     frame, slot = np.nonzero(data["bond"].values[..., 0] != NO_BOND)
@@ -236,6 +246,7 @@ def read(path: Path | str) -> Trajectory:
         tension,
         data["parent"].values[0].astype(np.int64),
         {name: str(value) for name, value in data.attrs.items() if name in OURS},
+        radii if np.ptp(radii) > 0.0 else None,
     )
 
 
@@ -252,7 +263,7 @@ def write_extended_xyz(trajectory: Trajectory, path: Path | str) -> None:
             file.write(f'Properties={columns} Time={t.time[k]:.9e} Strain={t.strain[k]:.6f} pbc="F F F"\n')
             for n, (x, y, z) in enumerate(t.positions[k] / ANGSTROM):
                 file.write(
-                    f"X {x:.8e} {y:.8e} {z:.8e} {t.radius / ANGSTROM:.8e} {t.parent[n]} "
+                    f"X {x:.8e} {y:.8e} {z:.8e} {t.each_radius[n] / ANGSTROM:.8e} {t.parent[n]} "
                     f"{t.coordination_number[k, n]} {1e9 * t.largest_tension[k, n]:.6e}\n"
                 )
 
@@ -290,7 +301,7 @@ def write_vtk(trajectory: Trajectory, directory: Path | str) -> list[Path]:
             f"POINT_DATA {atoms}",
         ]
         for name, kind, values in (
-            ("radius_um", "double", [f"{1e6 * t.radius:.9e}"] * atoms),
+            ("radius_um", "double", [f"{1e6 * r:.9e}" for r in t.each_radius]),
             ("parent", "int", t.parent),
             ("coordination_number", "int", t.coordination_number[k]),
         ):

@@ -48,6 +48,9 @@ def page_of(file: Path, snapshot: int = -1) -> str:
     count = len(run.snapshot_times)
     if not -count <= snapshot < count:
         raise UserError(f"{file}: has no snapshot {snapshot}; expected {-count} to {count - 1}")
+    run.scene.require_one_radius(
+        "the shelf of a population shows such; `mcdem view` shows a trajectory of theirs"
+    )
     return population_page(run, snapshot)
 
 
@@ -75,7 +78,12 @@ def encounter_page(t: Trajectory) -> str:
         grid_visible=False, camera_auto_fit=False, menu_visibility=False, axes_helper=0, name="encounter"
     )
     plot += k3d.points(
-        points, colors=PARENT_COLOURS[t.parent], point_size=2.0, shader="3d", mesh_detail=3, name="primaries"
+        points,
+        colors=PARENT_COLOURS[t.parent],
+        point_sizes=(2.0 * t.each_radius / t.radius).astype(np.float32),
+        shader="3d",
+        mesh_detail=3,
+        name="primaries",
     )
     plot += k3d.lines(
         vertices,

@@ -14,7 +14,16 @@ from scipy.optimize import minimize_scalar
 import mcdem
 from mcdem.encounter import start_of
 from mcdem.errors import SceneError, UserError
-from mcdem.inflow import draw_direction, draw_offset, entry_of, gradient, inflow_constant, offset_of, upstream
+from mcdem.inflow import (
+    draw_direction,
+    draw_offset,
+    entry_of,
+    gradient,
+    inflow_constant,
+    offset_of,
+    turns_back,
+    upstream,
+)
 
 SHEAR = scene_of("jkr")
 RADIUS = SHEAR.suspension.radius
@@ -24,6 +33,7 @@ KINDS = {
     "planar_extension": {},
     "uniaxial_extension": {},
     "biaxial_extension": {},
+    "linear": {"flow.gradient": [[-0.7, 0, 0], [0, -0.3, 0], [0, 0, 1]]},
 }
 EXACT = {
     "simple_shear": 4 / 3,
@@ -48,7 +58,7 @@ def on_sphere(count=600):
     return n.reshape(-1, 3), np.repeat(weight * np.pi / count, 2 * count)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", EXACT)
 def test_the_rate_is_the_flux_into_the_sphere(kind):
     flow, (n, weight) = in_flow(kind).flow, on_sphere()
     G = gradient(flow)
@@ -59,6 +69,53 @@ def test_the_rate_is_the_flux_into_the_sphere(kind):
     assert inflow_constant(flow) == pytest.approx(EXACT[kind], rel=1e-14)
     assert flow.equivalent_shear_rate == pytest.approx(0.75 * EXACT[kind] * flow.shear_rate, rel=1e-14)
     assert np.trace(G) == 0.0
+
+
+@pytest.mark.parametrize("kind", EXACT)
+def test_a_flow_given_by_its_gradient_meets_at_the_rate_of_the_one_named(kind):
+    named = in_flow(kind).flow
+    assert inflow_constant(by_gradient(gradient(named)).flow) == pytest.approx(EXACT[kind], rel=1e-10)
+
+
+def by_gradient(G, **changes):
+    return SHEAR.with_changes({"flow.kind": "linear", "flow.gradient": np.asarray(G).tolist()} | changes)
+
+
+def random_flows(count, seed):
+    """Strains with as much vorticity as leaves every streamline coming from far away, and some more."""
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        E, W = rng.normal(size=(2, 3, 3))
+        E = E + E.T
+        yield E - np.trace(E) / 3.0 * np.eye(3), rng.uniform(0.0, 2.0) * (W - W.T)
+
+
+def test_the_rate_of_any_gradient_is_the_flux_into_the_sphere_and_takes_its_strain_alone():
+    n, weight = on_sphere()
+    for E, W in random_flows(8, 7):
+        if turns_back(E + W):
+            continue
+        inward = -np.einsum("ki,ij,kj->k", n, E, n)
+        found = inflow_constant(by_gradient(E + W).flow)
+        assert found == pytest.approx(weight @ np.maximum(inward, 0), rel=1e-4)
+        assert found == pytest.approx(inflow_constant(by_gradient(E).flow), rel=1e-9)
+
+
+def test_streamlines_turn_back_where_the_distance_along_them_is_not_convex():
+    """Against second differences of r^2 along streamlines through many points, for strains with vorticity and without."""
+    rng, found = np.random.default_rng(9), set()
+    starts = rng.normal(size=(3, 4000))
+    for E, W in random_flows(40, 8):
+        assert not turns_back(E)
+        G, h = E + W, 1e-3
+        r = [((expm(t * G) @ starts) ** 2).sum(axis=0) for t in (-h, 0.0, h)]
+        curved = ((r[0] - 2.0 * r[1] + r[2]) / h**2 / r[1]).min()
+        if abs(curved) > 0.1:  # the worst of 4000 points is not the very worst
+            assert turns_back(G) == (curved < 0.0)
+            found.add(turns_back(G))
+    assert found == {True, False}
+    for share, expected in ((0.0, False), (0.3, False), (-1e-3, True)):
+        assert turns_back(np.array([[0, 0, 0], [0, 0, share], [0, 1, 0]])) == expected
 
 
 def test_simple_shear_meets_at_the_rate_of_the_paper_to_the_last_bit():
@@ -93,6 +150,7 @@ CONSERVED = {
     "planar_extension": lambda x, y, z: (x, y * y - z * z),
     "uniaxial_extension": lambda x, y, z: (math.atan2(y, x), (x * x + y * y) * z),
     "biaxial_extension": lambda x, y, z: (math.atan2(y, x), (x * x + y * y) * z),
+    "linear": lambda x, y, z: (x * abs(z) ** 0.7, y * abs(z) ** 0.3),
 }
 
 
@@ -132,6 +190,7 @@ def test_where_nothing_flows_in_is_refused():
         ("uniaxial_extension", (0.0, 1.2)),
         ("biaxial_extension", (0.3, 0.5)),
         ("planar", (0, 2)),
+        ("linear", (1.9, 0.0)),
     ]:
         with pytest.raises(UserError, match="cannot meet i"):
             entry_of(in_flow(kind).flow, 2.0, offset)
@@ -145,6 +204,15 @@ def test_where_nothing_flows_in_is_refused():
         ({"flow.kind": "planar_extension", "numerics.scheme": "paper"}, "is one for simple shear"),
         ({"flow.kind": "planar_extension", "numerics.separation": 0.0}, "recede exponentially"),
         ({"flow.kind": "elongation"}, "uniaxial_extension"),
+        ({"flow.kind": "linear"}, 'kind = "linear" and gradient go together'),
+        ({"flow.gradient": [[0, 0, 0], [0, 0, 0], [0, 1, 0]]}, "go together"),
+        (
+            {"flow.kind": "linear", "flow.gradient": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
+            "the trace 3, expected 0",
+        ),
+        ({"flow.kind": "linear", "flow.gradient": [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]}, "a rotation alone"),
+        ({"flow.kind": "linear", "flow.gradient": [[0, 0, 0], [0, 0, -0.1], [0, 1, 0]]}, "turn back"),
+        ({"flow.kind": "linear", "flow.gradient": [[1, 0], [0, -1]]}, "three rows of three"),
     ],
 )
 def test_flows_are_refused_in_words(changes, words):

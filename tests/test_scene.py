@@ -91,9 +91,11 @@ def test_a_scene_made_in_python_writes_its_own_text(path):
     scene = mcdem.load_scene(path)
     made = Scene.model_validate(tomllib.loads(scene.text))
     assert Scene.from_text(made.text) == scene
-    wider = scene.model_copy(update={"suspension": scene.suspension.model_copy(update={"radius": 7e-7})})
+    wider = scene.model_copy(
+        update={"suspension": scene.suspension.model_copy(update={"volume_fraction": 3e-4})}
+    )
     assert Scene.from_text(wider.text) == wider
-    assert wider.with_changes({"suspension.radius": "500 nm"}) == scene
+    assert wider.with_changes({"suspension.volume_fraction": 1e-4}) == scene
 
 
 def test_a_scene_does_not_change():
@@ -268,7 +270,7 @@ MISTAKES = {
     ),
     "missing key": (
         'radius = "500 nm"\n', "",
-        '[suspension] key "radius" is missing; expected a positive length, such as "500 nm"',
+        '[suspension] give radius, such as "500 nm", or radii and their number_fractions (found neither)',
     ),
     "missing table": (
         '[suspension]\nradius = "500 nm"\nvolume_fraction = 1e-4\n', "",

@@ -71,6 +71,7 @@ def cost(
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
+    loaded.require_one_radius("the reference of a setting is eta_11, of two equal primaries")
     figure = output or Path(f"{loaded.name}.cost.png")
     table = figure.with_suffix(".csv")
     for path in (figure, table):

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from mcdem.encounter import EncounterResult
     from mcdem.scene import Scene
 
-AGGREGATE = "A number P: a straight chain of P primaries. A file: a row x y z for each primary, in units of its radius."
+AGGREGATE = (
+    "A number P: a straight chain of P primaries. A file: a row x y z for each primary, in units of its radius; "
+    "of a scene with several radii x y z radius, in units of the largest."
+)
 
 
 def encounter(
@@ -95,6 +98,7 @@ def aggregate_of(scene: Scene, option: str, given: str) -> Aggregate:
     if given.isdecimal():
         if not 1 <= int(given) <= 1000:
             raise UserError(f"{option} {given}: expected 1 to 1000 primaries")
+        scene.require_one_radius(f"for {option} {given} of several, give a file with rows x y z radius")
         jkr = scene.effects.jkr
         spacing = 2.0 * radius * (1.0 + (0.5 * jkr.kernel(scene).equilibrium_gap if jkr is not None else 0.0))
         return Aggregate.from_positions(scene, np.arange(int(given))[:, None] * [[0.0, 0.0, spacing]])
@@ -106,12 +110,16 @@ def aggregate_of(scene: Scene, option: str, given: str) -> Aggregate:
         ) from None
     except ValueError as problem:
         raise UserError(f"{option} {given}: not a table of numbers: {problem}") from None
-    if rows.ndim != 2 or rows.shape[1] != 3 or len(rows) == 0:
+    several = scene.suspension.radii is not None
+    if rows.ndim != 2 or rows.shape[1] != (4 if several else 3) or len(rows) == 0:
         raise UserError(
-            f"{option} {given}: expected a row x y z for each primary, found {rows.shape[1]} columns"
+            f"{option} {given}: expected a row x y z{' radius' if several else ''} for each primary, found "
+            f"{rows.shape[1]} columns"
         )
     try:
-        return Aggregate.from_positions(scene, rows * radius)
+        return Aggregate.from_positions(
+            scene, rows[:, :3] * radius, radii=rows[:, 3] * radius if several else None
+        )
     except UserError as problem:
         raise UserError(f"{option} {given}: {problem}") from None
 

@@ -39,7 +39,7 @@ class DoubleLayer(Table):
     surface_potential: Potential
     """Potential psi of an isolated surface (its zeta potential), at most 60 mV either way."""
     debye_length: PositiveLength
-    """Thickness 1/kappa of the double layer, at most a tenth of the primary radius."""
+    """Thickness 1/kappa of the double layer, at most a tenth of the (smallest) primary radius."""
     relative_permittivity: PositiveDimensionless
     """Permittivity of the medium over that of vacuum."""
     condition: Literal["constant_potential", "constant_charge"]
@@ -68,11 +68,13 @@ class DoubleLayer(Table):
         """The parameters in reduced units; raises `SceneError` if the double layer is thick against the radius."""
         unit = scene.reduced
         kappa_a = unit.length / self.debye_length
-        if kappa_a < SMALLEST_KAPPA_A:
+        smallest = min(scene.suspension.species)
+        thinness = smallest / self.debye_length
+        if thinness < SMALLEST_KAPPA_A:
             raise SceneError(
                 f"{scene.path or scene.name}: [effects.double_layer] debye_length = {self.debye_length * 1e9:g} nm makes "
-                f"kappa a = {kappa_a:.3g}; expected at least {SMALLEST_KAPPA_A:g}, a debye_length of at most "
-                f"{unit.length / SMALLEST_KAPPA_A * 1e9:g} nm, for the sphere formula to hold"
+                f"kappa a = {thinness:.3g}; expected at least {SMALLEST_KAPPA_A:g}, a debye_length of at most "
+                f"{smallest / SMALLEST_KAPPA_A * 1e9:g} nm, for the sphere formula to hold"
             )
         permittivity = VACUUM_PERMITTIVITY * self.relative_permittivity
         return DoubleLayerKernel(

@@ -69,6 +69,7 @@ def draw_all(files: Sequence[Path], directory: Path) -> Iterator[Path]:
         else:
             runs.append(Run(file))
     for run in runs:
+        run.scene.require_one_radius("the paper's figures are of such; `mcdem plot` draws its course")
         if not run.events.sizes["event"]:
             raise UserError(f"{run.path}: holds no encounter yet; let `mcdem run` go on with --resume")
     try:

@@ -137,8 +137,8 @@ def follow_turns(kept, positions, labels, bodies):
 
 
 @njit(cache=True)
-def worst_change(kept, positions):
-    """Largest change of a separation beyond the turn of its bodies, over the gap plus one radius."""
+def worst_change(kept, positions, radii):
+    """Largest change of a separation beyond the turn of its bodies, over the gap plus one (mean) radius."""
     n = positions.shape[0]
     worst = 0.0
     for i in range(n):
@@ -152,22 +152,23 @@ def worst_change(kept, positions):
                     old += turn * (kept.positions[i, m] - kept.positions[j, m])
                 change += (d - old) ** 2
                 distance += d * d
-            room = max(np.sqrt(distance) - 1.0, 1.0)
+            radius = 0.5 * (radii[i] + radii[j])
+            room = max(np.sqrt(distance) - radius, radius)
             worst = max(worst, change / (room * room))
     return np.sqrt(worst)
 
 
 @njit(cache=True)
-def still_good(kept, positions, labels, bodies, together, tolerance):
+def still_good(kept, positions, radii, labels, bodies, together, tolerance):
     """Turn the kept far field along, body by body or all together, whichever fits; whether it is within `tolerance`."""
     follow_turns(kept, positions, labels, bodies)
-    if worst_change(kept, positions) <= tolerance:
+    if worst_change(kept, positions, radii) <= tolerance:
         return True
     if bodies == 1:
         return False
     together[:] = 0
     follow_turns(kept, positions, together, 1)
-    return worst_change(kept, positions) <= tolerance
+    return worst_change(kept, positions, radii) <= tolerance
 
 
 @njit(cache=True, inline="always")
@@ -383,7 +384,7 @@ def far_field(kept, work, radii, positions, labels, bodies, strain, share, toler
     good = (
         kept.made[0]
         and kept.known[0] > 0
-        and still_good(kept, positions, labels, bodies, kept.together, tolerance)
+        and still_good(kept, positions, radii, labels, bodies, kept.together, tolerance)
     )
     if good:
         turned_resistance(kept, work)

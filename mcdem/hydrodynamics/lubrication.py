@@ -11,16 +11,75 @@ import numpy as np
 from numba import njit
 
 from mcdem.hydrodynamics.far_field import basis_contract, five_tensor
-from mcdem.hydrodynamics.two_sphere import lubrication_scalars
+from mcdem.hydrodynamics.two_sphere import LubricationTable, lubrication_scalars
 
-# How the scalars of the pairs 21 and 22 follow from those of 12 and 11 when the spheres are equal: Y^B, X^G and
+# How the scalars of the pairs 21 and 22 follow from those of 12 and 11 when the spheres change places: Y^B, X^G and
 # Y^G change sign with d, the others do not (order XA YA YB XC YC XG YG YH XM YM ZM).
 _ODD = (2, 5, 6)
+# A function in units of 6 pi mu a^n, in the same order.
+_POWERS = (1, 1, 2, 3, 3, 2, 2, 3, 3, 3, 3)
+RAW = 44
+"""Length of the work space of `pair_scalars`."""
 
 
 @njit(cache=True)
-def pair_scalars(gap, table, raw, scalars):
-    """Two-body differences of two equal spheres at `gap` h/a into scalars (11, 4); raw (22,) is work space."""
+def pair_scalars(gap, a1, a2, table, raw, scalars):
+    """Two-body differences of two spheres at `gap` into scalars (11, 4); raw (RAW,) is work space.
+
+    a1, a2 : radii, by which `SpeciesTables` are chosen from; with the `LubricationTable` of one radius both are 1
+    """
+    scalars_of_species(gap, a1, a2, table, table.single, table.radii, raw, scalars)
+
+
+@njit(cache=True)
+def scalars_of_species(gap, a1, a2, table, single, radii, raw, scalars):
+    """`pair_scalars`, by whether the suspension has several radii; what is None is left out, an else would not be."""
+    if radii is not None:
+        unequal_scalars(gap, a1, a2, table, radii, raw, scalars)
+    if single is not None:
+        equal_scalars(gap, table, raw, scalars)
+
+
+@njit(cache=True)
+def species_of(radius, radii):
+    """Which of the radii (S,) of a suspension a sphere has: the nearest, so that rounding does not matter."""
+    found = 0
+    for s in range(1, radii.shape[0]):
+        if abs(radii[s] - radius) < abs(radii[found] - radius):
+            found = s
+    return found
+
+
+@njit(cache=True)
+def unequal_scalars(gap, a1, a2, table, radii, raw, scalars):
+    """`pair_scalars` in a suspension of several radii, by the table of the two species."""
+    s, t = species_of(a1, radii), species_of(a2, radii)
+    swapped = s > t
+    low, high = (t, s) if swapped else (s, t)
+    k, length = high * (high + 1) // 2 + low, radii[low]
+    pair = LubricationTable(
+        table.contact[k],
+        table.smallest_gap,
+        table.stretch,
+        table.start[k],
+        table.inverse_step[k],
+        table.coefficients[k],
+        table.squeezed,
+        True,
+        None,
+    )
+    lubrication_scalars(gap / length, pair, raw)
+    for family in range(11):
+        unit = length ** _POWERS[family]
+        if swapped and family in _ODD:
+            unit = -unit
+        for place in range(4):
+            scalars[family, place] = unit * raw[4 * family + (3 - place if swapped else place)]
+
+
+@njit(cache=True)
+def equal_scalars(gap, table, raw, scalars):
+    """`pair_scalars` of two equal spheres, in units of their radius."""
     lubrication_scalars(gap, table, raw)
     for family in range(11):
         scalars[family, 0] = scalars[family, 3] = raw[2 * family]

@@ -83,7 +83,7 @@ def near_blocks(positions, radii, pairs, cutoff, shifted, strain, table, blocks,
     blocks (B, 6, 6) resistance of i against j in the order (omega, u); own (N, 6, 6) that of each against itself, added to;
     drive (6N,), ordered (omega | u), added to
     """
-    raw, scalars, d = np.empty(22), np.empty((11, 4)), np.empty(3)
+    raw, scalars, d = np.empty(lubrication.RAW), np.empty((11, 4)), np.empty(3)
     local = np.empty((12, 12))
     for p in range(pairs.shape[0]):
         i, j = pairs[p, 0], pairs[p, 1]
@@ -116,7 +116,7 @@ def pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d):
         d[k] /= r
     true_gap = r - radii[i] - radii[j]
     gap = max(true_gap, cutoff)
-    lubrication.pair_scalars(gap, table, raw, scalars)
+    lubrication.pair_scalars(gap, radii[i], radii[j], table, raw, scalars)
     return gap - true_gap if shifted else 0.0
 
 
@@ -135,7 +135,7 @@ def distant_load(positions, radii, rates, reach, cutoff, shifted, table, load):
     n = radii.shape[0]
     loads = np.zeros((SHARES, 6 * n))
     for share in prange(SHARES):
-        raw, scalars, d = np.empty(22), np.empty((11, 4)), np.empty(3)
+        raw, scalars, d = np.empty(lubrication.RAW), np.empty((11, 4)), np.empty(3)
         for i in range(share, n, SHARES):
             for j in range(i):
                 if beyond(positions, i, j, reach):
@@ -151,7 +151,7 @@ def distant_drive(positions, radii, reach, cutoff, shifted, strain, table, drive
     n = radii.shape[0]
     drives = np.zeros((SHARES, 6 * n))
     for share in prange(SHARES):
-        raw, scalars, d = np.empty(22), np.empty((11, 4)), np.empty(3)
+        raw, scalars, d = np.empty(lubrication.RAW), np.empty((11, 4)), np.empty(3)
         for i in range(share, n, SHARES):
             for j in range(i):
                 if beyond(positions, i, j, reach):
@@ -167,7 +167,7 @@ def pair_stresslets(positions, radii, rates, cutoff, strain_five, table, out):
     n = radii.shape[0]
     found = np.zeros((SHARES, n, 5))
     for share in prange(SHARES):
-        raw, scalars, d = np.empty(22), np.empty((11, 4)), np.empty(3)
+        raw, scalars, d = np.empty(lubrication.RAW), np.empty((11, 4)), np.empty(3)
         for i in range(share, n, SHARES):
             for j in range(i):
                 pair_of(positions, radii, i, j, cutoff, False, table, raw, scalars, d)

@@ -47,7 +47,7 @@ class Work(NamedTuple):
     resistance: np.ndarray  # (6N, 6N) ordered (omega | u), lower triangle
     drive: np.ndarray  # (6N,) torque and force exerted by the strain on spheres held still
     straining: np.ndarray  # (5N,) L_S^-1 E_inf
-    raw: np.ndarray  # (22,) two-sphere functions of one pair as tabulated
+    raw: np.ndarray  # (lubrication.RAW,) two-sphere functions of one pair as tabulated
     scalars: np.ndarray  # (11, 4) the same for the pairs 11, 12, 21, 22
     directions: np.ndarray  # (N, N, 3) unit vector from j to i
     distances: np.ndarray  # (N, N) centre distance
@@ -60,7 +60,7 @@ def workspace(n: int) -> Work:
         np.empty((6 * n, 6 * n)),
         np.empty(6 * n),
         np.empty(5 * n),
-        np.empty(22),
+        np.empty(lubrication.RAW),
         np.empty((11, 4)),
         np.empty((n, n, 3)),
         np.empty((n, n)),
@@ -175,7 +175,7 @@ def add_lubrication(work, radii, strain, cutoff, shifted, table):
             true_gap = work.distances[i, j] - radii[i] - radii[j]
             gap = max(true_gap, cutoff)
             shift = gap - true_gap if shifted else 0.0
-            lubrication.pair_scalars(gap, table, work.raw, work.scalars)
+            lubrication.pair_scalars(gap, radii[i], radii[j], table, work.raw, work.scalars)
             d = work.directions[j, i]
             lubrication.add_pair_resistance(work.scalars, i, j, d, work.resistance)
             lubrication.add_pair_drive(work.scalars, i, j, d, strain, shift, work.drive)
@@ -242,7 +242,7 @@ def exerted_stresslets(work, radii, rates, strain_five, cutoff, table, out):
         for i in range(n):
             for j in range(i):
                 gap = max(work.distances[i, j] - radii[i] - radii[j], cutoff)
-                lubrication.pair_scalars(gap, table, work.raw, work.scalars)
+                lubrication.pair_scalars(gap, radii[i], radii[j], table, work.raw, work.scalars)
                 lubrication.add_pair_stresslet(
                     work.scalars, i, j, work.directions[j, i], rates, strain_five, out
                 )

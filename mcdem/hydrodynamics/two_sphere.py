@@ -97,6 +97,8 @@ def resistance_matrix(
 
 SMALLEST_GAP = 1e-8
 INTERVALS = 512
+SQUEEZED = ("XA", "XG", "XM")
+"""Functions that diverge as 1/gap."""
 STRETCH = 6.0
 """Puts most of the intervals that a logarithm would spend near contact to gaps between a/10 and 10 a."""
 
@@ -118,6 +120,29 @@ class LubricationTable(NamedTuple):
     """(intervals, 4, columns)"""
     squeezed: np.ndarray
     """(columns,) 1 for the functions that diverge as 1/gap, else 0"""
+    single: bool = True
+    radii: None = None
+    """As this is a single table, there are none to choose by (`SpeciesTables`)."""
+
+
+class SpeciesTables(NamedTuple):
+    """`LubricationTable` of each pair of species s <= t of a suspension of several radii, in units of the radius of s.
+
+    Arrays begin with the pair, at t (t + 1)/2 + s; all 44 functions have a column, those of equal spheres too.
+    """
+
+    contact: np.ndarray
+    smallest_gap: float
+    stretch: float
+    start: np.ndarray
+    inverse_step: np.ndarray
+    coefficients: np.ndarray
+    """(pairs, intervals, 4, 44)"""
+    squeezed: np.ndarray
+    """(44,)"""
+    single: None
+    radii: np.ndarray
+    """(S,) of the species"""
 
 
 def lubrication_columns(ratio: float = 1.0) -> tuple[str, ...]:
@@ -137,15 +162,51 @@ def lubrication_table(ratio: float = 1.0) -> LubricationTable:
     kept = Path(numba.config.CACHE_DIR) / f"two_sphere_{float(ratio)!r}_{digest}.npz"
     try:
         with kept.open("rb") as file, np.load(file) as stored:
-            return LubricationTable(*(stored[field][()] for field in LubricationTable._fields))
+            return LubricationTable(*(stored[field][()] for field in _STORED))
     except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
         table = _tabulate(float(ratio))
     with contextlib.suppress(OSError):
         kept.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=kept.parent, suffix=".npz", delete=False) as unfinished:
-            np.savez(unfinished, **table._asdict())
+            np.savez(unfinished, **{field: getattr(table, field) for field in _STORED})
         Path(unfinished.name).replace(kept)
     return table
+
+
+_STORED = tuple(field for field in LubricationTable._fields if field not in ("single", "radii"))
+
+CHANGES_SIGN = ("YB", "XG", "YG")
+"""Functions that change their sign when the two spheres change places; for equal ones X22 = X11 and X21 = X12 but for it."""
+
+
+@cache
+def lubrication_tables(radii: tuple[float, ...]) -> LubricationTable | SpeciesTables:
+    """What a suspension of these radii needs: the table of equal spheres, or of several radii that of every pair of them."""
+    if len(radii) == 1:
+        return lubrication_table(1.0)
+    pairs = [lubrication_table(radii[t] / radii[s]) for t in range(len(radii)) for s in range(t + 1)]
+    equal = lubrication_columns(1.0)
+    signs = np.array([-1.0 if name[2] == "2" and name[:2] in CHANGES_SIGN else 1.0 for name in NAMES])
+    # X21 is X12 and X22 is X11: the column of each name in the table of equal spheres.
+    mirrored = [equal.index(name[:2] + {"21": "12", "22": "11"}.get(name[2:], name[2:])) for name in NAMES]
+    return SpeciesTables(
+        np.array([pair.contact for pair in pairs]),
+        SMALLEST_GAP,
+        STRETCH,
+        np.array([pair.start for pair in pairs]),
+        np.array([pair.inverse_step for pair in pairs]),
+        np.stack(
+            [
+                pair.coefficients
+                if pair.coefficients.shape[2] == len(NAMES)
+                else pair.coefficients[:, :, mirrored] * signs
+                for pair in pairs
+            ]
+        ),
+        np.array([name[:2] in SQUEEZED for name in NAMES], dtype=float),
+        None,
+        np.array(radii),
+    )
 
 
 def _tabulate(ratio: float) -> LubricationTable:
@@ -153,7 +214,7 @@ def _tabulate(ratio: float) -> LubricationTable:
 
     columns = lubrication_columns(ratio)
     contact = 1.0 + ratio
-    squeezed = np.array([name[:2] in ("XA", "XG", "XM") for name in columns], dtype=float)
+    squeezed = np.array([name[:2] in SQUEEZED for name in columns], dtype=float)
     log_start = np.log(SMALLEST_GAP / (contact + SMALLEST_GAP))
     place = np.linspace(log_start + STRETCH * np.expm1(log_start), 0.0, INTERVALS + 1)
     log_gap = np.minimum(place + STRETCH, 0.0)  # ln(1 - y), by Newton from above; the function is convex

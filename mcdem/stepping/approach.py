@@ -42,15 +42,6 @@ def add_disturbance(stresslet, separation, size, gradient, velocity):
 
 
 @njit(cache=True)
-def squared_radius(body):
-    """Squared radius of the sphere with the radius of gyration of the body, (5/3) R_g^2; 1 for a primary."""
-    squares = 0.0
-    for x in body.positions.flat:
-        squares += x * x
-    return 1.0 + 5.0 / 3.0 * squares / body.positions.shape[0]
-
-
-@njit(cache=True)
 def exerted(body, matrix, strain, stresslet):
     """Stresslet (3, 3), in the laboratory, of a body turned by matrix in a strain (3, 3); returns its present loads."""
     seen, five = np.empty(5), np.zeros(5)
@@ -110,7 +101,7 @@ def pair_rates(first, second, turns, centres, gradient, strain, velocities, spin
     load = tension = 0.0
     disturbance, carried = np.zeros((2, 3, 3)), np.zeros((2, 3))
     separation = np.empty(3)
-    a2, b2 = squared_radius(first), squared_radius(second)
+    a2, b2 = first.squared_radius, second.squared_radius
     # The second pass lets the strain of the first disturbances act on the stresslets.
     for _ in range(2):
         disturbance[:] = 0.0

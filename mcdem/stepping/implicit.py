@@ -51,6 +51,8 @@ NEAR = 0.5
 SETTLING = 1.0
 # Share of it that the first step takes, which has no step before it to foresee the middle from.
 FIRST = 0.3
+# Newton's method is done when it moves no primary by more than this, in a.
+CONVERGED = 1e-7
 # Below it a step has failed.  Strong attraction in a weak flow closes the last of a gap, down to where a stiff contact bears
 # it, within 1e-15/g: the clock hardly notices, the primaries do.
 SMALLEST_STEP = 1e-18
@@ -63,7 +65,7 @@ class ImplicitOptions(NamedTuple):
     event_step: float  # a step in which a contact is lost is cut to this
     gap_fraction: float  # change of the gap of a pair per step: gap_fraction * gap + gap_floor
     gap_floor: float
-    turn_limit: float  # relative motion per step of close pairs of different bodies
+    turn_limit: float  # relative motion per step of close pairs of different bodies, over their mean radius
     close_gap: float  # below it gaps are extrapolated as numbers
     far_field_lag: (
         float  # relative change of a separation after which the far field is made anew; 0: every step
@@ -171,7 +173,7 @@ def allowed_step(motion, labels, gaps, options):
             if rate != 0.0:
                 step = min(step, room / abs(rate))
             if labels[i] != labels[j] and gap < options.close_gap and speed > 0.0:
-                step = min(step, options.turn_limit / speed)
+                step = min(step, options.turn_limit * (0.5 * (motion.radii[i] + motion.radii[j])) / speed)
     return step
 
 
@@ -431,7 +433,7 @@ def solve_contacts(positions, radii, contacts, gaps, step, jkr, dmt, work):
         if contacts == 0:
             return 0
         last = change
-        if iteration >= 1 and not fallback and change < 1e-7:
+        if iteration >= 1 and not fallback and change < CONVERGED:
             return 0
     return NOT_CONVERGED
 

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mcdem.aggregate import centre_of_mass
 from mcdem.effects import non_contact_force
 from mcdem.hydrodynamics import stokesian
 from mcdem.stepping import frames as recording
@@ -214,7 +215,7 @@ def rest_as_body(part: Motion, members: NDArray[np.intp], posture: Posture, cour
 
 def analysed(part: Motion, physics: Physics) -> tuple[RigidBody | None, NDArray[np.float64]]:
     """The rigid body (None if it is not one) of a part that is connected, and its centre (3,)."""
-    centre = part.positions.mean(axis=0)
+    centre = centre_of_mass(part.positions, part.radii)
     if part.springs is not None:
         code, body = analyse_with_moments(
             stokesian.workspace(len(part.radii)),

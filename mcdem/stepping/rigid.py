@@ -45,6 +45,7 @@ class RigidBody(NamedTuple):
     rest: np.ndarray  # (B,) tension without flow
     response: np.ndarray  # (B, 5)
     strength: np.ndarray  # (B,) pull-off force
+    squared_radius: float  # of the sphere with the same radius of gyration
 
 
 @njit(cache=True)
@@ -81,6 +82,19 @@ def worst_load(body, strain_five):
 
 
 @njit(cache=True)
+def squared_radius(positions, radii):
+    """Squared radius of the sphere with the radius of gyration of a body, (5/3) R_g^2, from positions (P, 3) about its centre."""
+    volume = second = own = 0.0
+    for i in range(radii.shape[0]):
+        share = radii[i] ** 3
+        volume += share
+        own += share * radii[i] ** 2
+        for k in range(3):
+            second += share * (positions[i, k] * positions[i, k])
+    return own / volume + 5.0 / 3.0 * second / volume
+
+
+@njit(cache=True)
 def empty_body(n):
     """A body with no contacts."""
     return RigidBody(
@@ -92,16 +106,17 @@ def empty_body(n):
         np.zeros(0),
         np.zeros((0, 5)),
         np.zeros(0),
+        0.0,
     )
 
 
 @njit(cache=True)
 def of_sphere(radius):
     """The body of one sphere: no contacts, and the stresslet -10/9 a^3 E of a sphere by itself."""
-    body = empty_body(1)
+    b = empty_body(1)
     for k in range(5):
-        body.stresslet[k, k] = -10.0 / 9.0 * radius**3
-    return body
+        b.stresslet[k, k] = -10.0 / 9.0 * radius**3
+    return RigidBody(b.positions, b.spin, b.drift, b.stresslet, 0, b.rest, b.response, b.strength, radius**2)
 
 
 @njit(cache=True)
@@ -226,8 +241,9 @@ def analyse(
         symmetric_product(matrix, modes[mode], pulled[mode])
     grand = np.zeros((6, 6))
     # Spheres free to turn do not resist that a doublet spins about its own axis, and dragged each by itself not even by
-    # rounding: a small addition leaves that spin at zero.
-    if not rigid_resistance(modes, pulled, 0.0 if coupled is not None else 1e-12, grand):
+    # rounding, which may have either sign: a small addition leaves that spin at zero.
+    settled = coupled is not None and rigid_resistance(modes, pulled, 0.0, grand)
+    if not settled and not rigid_resistance(modes, pulled, 1e-12, grand):
         return FAILED, body
     response = np.zeros((count, 5))
     relative, load, motion = np.empty(m), np.empty(m), np.empty(6)
@@ -285,7 +301,15 @@ def analyse(
         solve_cholesky(stiffness, load)
         add_tensions(work.directions, pairs, slopes, load, response[:, k])
     return RIGID, RigidBody(
-        positions.copy(), body.spin, body.drift, body.stresslet, count, rest, response, strength
+        positions.copy(),
+        body.spin,
+        body.drift,
+        body.stresslet,
+        count,
+        rest,
+        response,
+        strength,
+        squared_radius(positions, radii),
     )
 
 
@@ -318,7 +342,7 @@ def add_two_body_all(work, radii, unit, drives, cutoff, shifted, table):
                 true_gap = work.distances[i, j] - radii[i] - radii[j]
                 gap = max(true_gap, cutoff)
                 shift = gap - true_gap if shifted else 0.0
-                stokesian.lubrication.pair_scalars(gap, table, work.raw, work.scalars)
+                stokesian.lubrication.pair_scalars(gap, radii[i], radii[j], table, work.raw, work.scalars)
                 d = work.directions[j, i]
                 stokesian.lubrication.add_pair_resistance(work.scalars, i, j, d, work.resistance)
                 for k in range(5):

@@ -47,6 +47,7 @@ from mcdem.stepping.rigid import (
     empty_body,
     of_sphere,
     rigid_resistance,
+    squared_radius,
     symmetric_product,
 )
 from mcdem.stepping.state import harmonic_radius
@@ -364,5 +365,13 @@ def analyse_with_moments(work, positions, bonded, springs, radii, physics, coupl
         add_bearing(response[:, :, k], directions, distances, radii, pairs, slopes, maps, load, laws, pair)
     held, felt, strength = loads_of(rest, response, directions, radii, pairs, laws, jkr, dmt)
     return RIGID, RigidBody(
-        positions.copy(), body.spin, body.drift, body.stresslet, count, held, felt, strength
+        positions.copy(),
+        body.spin,
+        body.drift,
+        body.stresslet,
+        count,
+        held,
+        felt,
+        strength,
+        squared_radius(positions, radii),
     )
