@@ -15,8 +15,9 @@ radii       R/(a P^(1/2)) of the nearest aggregates in size, of the same shape.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy import optimize, sparse, special
@@ -84,21 +85,29 @@ class LogisticLaw:
         m = x.shape[1]
         ridge = np.tile(np.r_[1 / 25, np.ones(m - 1) / 4], kinds - 1)
 
+        @lru_cache(maxsize=2)
+        def probabilities(point: bytes):
+            """Probabilities (n, kinds - 1), the logarithm of their norm (n,) and what they are the softmax of."""
+            logit = x @ np.frombuffer(point).reshape(kinds - 1, m).T
+            highest = np.maximum(logit.max(axis=1), 0.0)
+            p = np.exp(logit - highest[:, None])
+            norm = np.exp(-highest) + p.sum(axis=1)
+            return p / norm[:, None], np.log(norm) + highest, logit
+
         def objective(flat):
-            logit = x @ flat.reshape(kinds - 1, m).T
-            norm = special.logsumexp(np.concatenate([np.zeros((len(x), 1)), logit], axis=1), axis=1)
-            p = np.exp(logit - norm[:, None])
-            value = (norm - (one * logit).sum(axis=1)).sum() + 0.5 * (ridge * flat**2).sum()
+            p, norm, logit = probabilities(flat.tobytes())
+            value = norm.sum() - (one * logit).sum() + 0.5 * (ridge * flat**2).sum()
             return value, (x.T @ (p - one)).T.ravel() + ridge * flat
 
         def hessian(flat):
-            logit = x @ flat.reshape(kinds - 1, m).T
-            p = special.softmax(np.concatenate([np.zeros((len(x), 1)), logit], axis=1), axis=1)[:, 1:]
-            blocks = [
-                [x.T @ (x * (p[:, a] * ((a == b) - p[:, b]))[:, None]) for b in range(kinds - 1)]
-                for a in range(kinds - 1)
-            ]
-            return np.block(blocks) + np.diag(ridge)
+            p, _, _ = probabilities(flat.tobytes())
+            found = np.diag(ridge)
+            for a, b in itertools.combinations_with_replacement(range(kinds - 1), 2):
+                block = x.T @ (x * (p[:, a] * ((a == b) - p[:, b]))[:, None])
+                found[a * m : (a + 1) * m, b * m : (b + 1) * m] += block
+                if a != b:
+                    found[b * m : (b + 1) * m, a * m : (a + 1) * m] += block
+            return found
 
         start = np.zeros((kinds - 1) * m)
         found = optimize.minimize(objective, start, jac=True, hess=hessian, method="trust-exact", tol=1e-8)
