@@ -1,7 +1,8 @@
 """The performance table: velocity solves against the dense floor, encounters against the paper's scheme, events a second.
 
     python benchmarks/performance.py                               velocity solves alone
-    python benchmarks/performance.py --growth                      ... and how they grow to N = 2000, with and without a matrix
+    python benchmarks/performance.py --growth                      ... how they grow to N = 2000, with and without a matrix,
+                                                                   and encounters to P = 200
     python benchmarks/performance.py --run RUN.nc --starts 20      ... and encounters of a steady population
     python benchmarks/performance.py --pecnut CHECKOUT             ... and Pecnut/stokesian-dynamics beside them
 
@@ -27,6 +28,7 @@ import mcdem
 from mcdem.cost import draw_pairs, warm_up
 from mcdem.random_streams import stream
 from mcdem.runs import Run
+from validation.hard_cases.shapes import ball_centres, settled
 
 SIZES = (2, 10, 30, 100)
 GAP = 0.05
@@ -152,6 +154,41 @@ def growth() -> None:
         print(f"time of {name} from N = 100 on: N^{np.polyfit(np.log(n), np.log(seconds), 1)[0]:.2f}")
 
 
+PRIMARIES = (2, 6, 12, 24, 50, 100, 200)
+
+
+def growth_of_encounters() -> None:
+    """Print how one encounter grows with its number of primaries, with fitted exponents.
+
+    Two compact balls pass so close that all primaries are followed, until they have parted; then nothing turns on.
+    """
+    scene = mcdem.load_scene("scenes/paper-1000Pa.toml").with_changes(
+        {"numerics.rotations": 0.0, "numerics.sure_miss": 0.0, "flow.shear_stress": "500 Pa"}
+    )
+    warm_up(scene, (mcdem.Aggregate.monomer(), mcdem.Aggregate.monomer()))
+    print("\nOne encounter of two balls of P/2 primaries at 500 Pa, one thread")
+    print(f"{'P':>5} {'CPU, ms':>9} {'steps':>6} {'us a step':>10} {'outcome':>14} {'memory so far, MB':>18}")
+    found = []
+    for count in PRIMARIES:
+        ball = settled(scene, ball_centres(count // 2))
+        reach = 2.0 * ball.outer_radius(scene.suspension.radius)
+        results = [
+            mcdem.simulate_encounter(scene, ball, ball, offset=(0.0, share * reach), seed=0)
+            for share in (0.5, 0.6, 0.7)
+        ]
+        cpu, steps = (float(np.mean([getattr(r, name) for r in results])) for name in ("cpu_time", "steps"))
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+        outcomes = ", ".join(sorted({r.outcome for r in results}))
+        print(
+            f"{count:5d} {1e3 * cpu:9.1f} {steps:6.0f} {1e6 * cpu / steps:10.0f} {outcomes:>14} {memory:18.0f}",
+            flush=True,
+        )
+        found.append((count, cpu, cpu / steps))
+    p, cpu, step = np.array([row for row in found if row[0] >= 12]).T
+    for name, times in (("an encounter", cpu), ("a step", step)):
+        print(f"time of {name} from P = 12 on: P^{np.polyfit(np.log(p), np.log(times), 1)[0]:.2f}")
+
+
 def pecnut_solve(checkout: Path, positions: np.ndarray) -> Callable[[], object]:
     """The grand resistance matrix and its solve by a checkout of Pecnut/stokesian-dynamics, run from its own folder.
 
@@ -259,13 +296,15 @@ def main() -> None:
     parser.add_argument("--events", type=int, default=2000, help="encounters under the default alone")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--pecnut", type=Path, help="checkout of Pecnut/stokesian-dynamics")
-    parser.add_argument("--growth", action="store_true", help="also how a solve grows with N, up to 2000")
+    parser.add_argument("--growth", action="store_true", help="also how solves and encounters grow with N")
     given = parser.parse_args()
     with threadpoolctl.threadpool_limits(limits=1):
         solves(given.pecnut)
     if given.growth:
         growth()
     with threadpoolctl.threadpool_limits(limits=1):
+        if given.growth:
+            growth_of_encounters()
         if given.run is not None:
             scene = mcdem.load_scene(given.scene) if given.scene else Run(given.run).scene
             events(given.run, scene, given.events, given.seed)
