@@ -26,12 +26,19 @@ class PowerLawRate:
 
     With p = 1 and no offset the random scission of Ziff & McGrady (1985); with offset = 1, p = 1 each of the P - 1
     bonds of a chain breaks at rate c.  c grows as a power of the shear rate in flocculation models (Pandya & Spielman
-    1983; Flesch, Spicer & Pratsinis 1999: p = 1/3).
+    1983; Flesch, Spicer & Pratsinis 1999: p = 1/3).  A power below zero would break the smallest first, one above 3 is
+    steeper than any of these: both are warned of.
     """
 
     rate: float
     power: float = 1.0
     offset: float = 0.0
+
+    def __post_init__(self):
+        if not 0 <= self.power <= 3:
+            warnings.warn(
+                f"PowerLawRate: power = {self.power:g} is outside 0 ... 3", RangeWarning, stacklevel=3
+            )
 
     def __call__(self, cells: Cells):
         return self.rate * np.maximum(cells.mass - self.offset, 0.0) ** self.power
@@ -43,13 +50,19 @@ class ExponentialRate:
 
     After Kusters (1991), S = sqrt(4/(15 pi)) sqrt(eps/nu) exp(-eps_b/eps) for flocs in turbulence; in simple shear g
     takes the place of sqrt(eps/nu) and mu g that of eps.  Stress meets strength at a size that falls as
-    (mu g)^(-1/power), so power = 1/2 goes with q = 2.
+    (mu g)^(-1/power), so power = 1/2 goes with q = 2; the range of q is that of `CriticalSize`.
     """
 
     shear_rate: float  # g [1/s]
     stress: float  # mu g [Pa]
     strength: float  # of a parent of unit mass [Pa]
     power: float = 0.5  # strength(P) = strength P^-power
+
+    def __post_init__(self):
+        if not 1 / 3 <= self.power <= 2:
+            warnings.warn(
+                f"ExponentialRate: power = {self.power:g} is outside 1/3 ... 2", RangeWarning, stacklevel=3
+            )
 
     def __call__(self, cells: Cells):
         resistance = self.strength * cells.mass**-self.power

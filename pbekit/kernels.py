@@ -7,13 +7,14 @@ ordered pairs, so K_ij is the rate at which one i meets one j in unit volume.
 from __future__ import annotations
 
 import inspect
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
 
-from pbekit.errors import KernelError
+from pbekit.errors import KernelError, RangeWarning
 from pbekit.grid import Cells
 
 
@@ -243,12 +244,20 @@ class ExtensionEncounter(Kernel):
 class FractalRadius:
     """R = a (P / k)^(1/d), never below the sphere (P = 1) and the touching pair (P = 2, R = 2a).
 
-    prefactor, dimension : k_o and d_o of P = k_o (R/a)^d_o
+    prefactor, dimension : k_o and d_o of P = k_o (R/a)^d_o; dimensions outside 1 ... 3 are of no body and warned of
     """
 
     radius: float  # a [m]
     prefactor: float = 1.0
     dimension: float = 2.0
+
+    def __post_init__(self):
+        if not 1 <= self.dimension <= 3:
+            warnings.warn(
+                f"FractalRadius: dimension = {self.dimension:g} is outside 1 ... 3",
+                RangeWarning,
+                stacklevel=3,
+            )
 
     def __call__(self, mass):
         p = np.asarray(mass, float)

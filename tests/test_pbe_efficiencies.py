@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from pbekit import Aggregation, Cells, Grid, KernelError, PopulationBalance, RangeWarning
-from pbekit.breakage import BetaSplit, Binary, CriticalSize, Erosion, SchulzZimm, TwoPeak, Uniform
+from pbekit.breakage import (
+    BetaSplit,
+    Binary,
+    CriticalSize,
+    Erosion,
+    ExponentialRate,
+    PowerLawRate,
+    SchulzZimm,
+    TwoPeak,
+    Uniform,
+)
 from pbekit.efficiencies import (
     Kusters,
     VanDeVenMason,
@@ -41,6 +51,12 @@ def test_efficiencies_say_when_they_leave_their_range():
         VeerapaneniWiesner(1.0)(cells([8.0], 2.1), cells([8.0], 2.1))
     with pytest.warns(RangeWarning, match="q = 5"):
         CriticalSize(1, 1, 10, q=5)
+    with pytest.warns(RangeWarning, match="power = -1"):
+        PowerLawRate(1.0, -1.0)
+    with pytest.warns(RangeWarning, match="power = 4"):
+        ExponentialRate(1.0, 1.0, 1.0, power=4.0)
+    with pytest.warns(RangeWarning, match="dimension = 3.5"):
+        FractalRadius(1.0, dimension=3.5)
     with pytest.raises(KernelError, match="eta_max"):
         Kusters(1.2)
 
