@@ -159,7 +159,8 @@ def write(trajectory: Trajectory, path: Path | str) -> None:
     t = trajectory
     frames = t.frames
     bonds = [t.bonds(k) for k in range(frames)]
-    slots = max((len(tension) for _, tension in bonds), default=0)
+    # One at least: a dimension of length 0 would read as the unlimited one.
+    slots = max(1, *(len(tension) for _, tension in bonds))
     pairs = np.full((frames, slots, 2), NO_BOND, dtype=np.int32)
     pull = np.full((frames, slots), np.nan)
     for k, (pair, tension) in enumerate(bonds):
@@ -246,7 +247,7 @@ def read(path: Path | str) -> Trajectory:
         tension,
         data["parent"].values[0].astype(np.int64),
         {name: str(value) for name, value in data.attrs.items() if name in OURS},
-        radii if np.ptp(radii) > 0.0 else None,
+        None if np.allclose(radii, float(data.attrs["primary_radius"]), rtol=1e-9, atol=0.0) else radii,
     )
 
 

@@ -265,6 +265,16 @@ def test_a_small_primary_sticks_to_a_large_one_at_the_gap_of_their_reduced_radiu
     assert again.part(0, 2).radii is again.radii
 
 
+def test_a_course_of_small_primaries_alone_keeps_their_radius(tmp_path):
+    still, none = np.zeros((1, 2, 3)), np.full((1, 2, 2), np.nan)
+    still[0, 1, 2] = 1e-6
+    course = trajectory.Trajectory(
+        500e-9, 1e4, 1e-8, np.zeros(1), still, none, np.array([0, 1]), {}, np.full(2, 250e-9)
+    )
+    trajectory.write(course, tmp_path / "course.nc")
+    assert trajectory.read(tmp_path / "course.nc").each_radius == pytest.approx([250e-9, 250e-9])
+
+
 def test_it_does_not_matter_which_of_two_sizes_is_called_first():
     """The encounter seen from the other one, at the same offset."""
     found = [
