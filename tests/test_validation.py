@@ -407,3 +407,59 @@ def test_statics_balance_and_the_worst_orientation_bounds_all_others():
     turns = Rotation.random(300, rng=np.random.default_rng(1)).as_matrix()
     most = max(balance(held.forces(turn)).max() for turn in turns)
     assert 0.9 * worst < most <= worst * (1 + 1e-9)
+
+
+# Slow twins and statistics that cases rest on
+
+
+def test_inflow_of_extension_is_all_within_the_cone_on_which_the_flow_turns():
+    from scipy.integrate import quad
+
+    from validation.exact.two_spheres import inflow_below
+
+    assert inflow_below(0.0) == 0.0
+    assert inflow_below(2.0 / np.sqrt(3.0)) == pytest.approx(1.0)
+    # The share by quadrature of the inward velocity -(3 c^2 - 1)/2 over the sphere.
+    inward = lambda c: 0.5 - 1.5 * c**2
+    share = quad(inward, 0.0, 0.2)[0] / quad(inward, 0.0, np.sqrt(1.0 / 3.0))[0]
+    assert inflow_below(0.4) == pytest.approx(share)
+
+
+def test_the_mean_field_of_doublings_starts_at_the_rate_of_its_unit_of_time(monkeypatch):
+    from validation.cases import monte_carlo_doubling as case
+
+    monkeypatch.setattr(case, "TIMES", (1e-3, 2.0))
+    early, late = case.mean_field()
+    # dn/dt = -n^2 at the start; at the end the size at which pairs split bounds the mean.
+    assert early == pytest.approx(1.0 - 1e-3, abs=1e-5)
+    assert 1.0 / case.LARGEST < late < 3.0 / case.LARGEST
+
+
+def test_a_rank_is_small_only_for_what_strays():
+    from validation.cases.balance_against_monte_carlo import rank
+
+    several = np.random.default_rng(0).normal(size=(99, 5))
+    assert rank(several.mean(axis=0), several) == 1.0
+    assert rank(several.mean(axis=0) + [0, 0, 9, 0, 0], several) == pytest.approx(0.01)
+
+
+def test_a_printed_cluster_is_judged_by_how_odd_it_is_among_ours():
+    from validation.cases.paper_line_by_line import likeness
+
+    for off, count, clusters, verdict in (
+        (0.5, 100, 1, "agrees"),
+        (4.0, 100, 1, "differs"),
+        (2.4, 40, 1, "cannot say"),
+        (math.nan, 3, 1, "cannot say"),
+        (1.2, 400, 10, "differs"),
+    ):
+        assert likeness("1000 Pa", "x", "1", off, count, clusters).verdict == verdict
+
+
+def test_trees_of_fractal_motion_are_read_as_saved_and_their_exponent_is_that_of_a_power_law():
+    from validation.cases import breakup_fractal_motion as case
+
+    saved = case.measure(Context(), None)
+    assert set(saved) == {case.named(*part) for part in case.parts(Context()).values()}
+    rows = [{"primaries": p, "first": 900.0 * p ** (-1 / 0.9)} for p in (8, 16, 32)]
+    assert case.exponent(rows, "first")[0] == pytest.approx(0.9)

@@ -263,6 +263,26 @@ def coarse_default() -> Iterator[None]:
         yield
 
 
+@contextlib.contextmanager
+def stresses_of_others() -> Iterator[None]:
+    """In the saved table of clusters that were sheared until they broke, each has the stresses of another."""
+    from validation import datasets
+
+    intact = datasets.fractal_motion
+
+    def turned():
+        rows = intact()
+        others = [*rows][1::2] + [*rows][::2]
+        taken = ("first", "split")
+        return {
+            name: row | {key: rows[other][key] for key in taken}
+            for (name, row), other in zip(rows.items(), others)
+        }
+
+    with mock.patch.object(datasets, "fractal_motion", turned):
+        yield
+
+
 WAYS: dict[str, Callable[[], contextlib.AbstractContextManager]] = {
     way.__name__: way
     for way in (
@@ -282,6 +302,7 @@ WAYS: dict[str, Callable[[], contextlib.AbstractContextManager]] = {
         outcomes_shuffled,
         smallest_for_largest,
         coarse_default,
+        stresses_of_others,
     )
 }
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mcdem.errors import UserError
 
@@ -18,6 +19,7 @@ YOUNG = FOLDER / "small-1000Pa.nc"
 """A short run, taken where no long one is committed."""
 KERNELS, SERIES = FOLDER / "kernels-1000Pa.nc", FOLDER / "run-1000Pa.nc"
 """Encounters in a table, and the series and sizes of the run that they are from."""
+FRACTAL_MOTION = Path(__file__).parent / "data" / "fractal_motion.json"
 
 
 def runs(context: Context) -> tuple[Path, ...]:
@@ -36,6 +38,12 @@ def _whole(path: Path) -> bool:
             return True
     except UserError:
         return False
+
+
+def fractal_motion() -> dict[str, dict[str, Any]]:
+    """Saved numbers of clusters that were sheared until they broke, by cluster."""
+    rows: dict[str, dict[str, Any]] = json.loads(FRACTAL_MOTION.read_text(encoding="utf-8"))
+    return rows
 
 
 def kernels() -> KernelTable:

@@ -7,12 +7,11 @@ import math
 import numpy as np
 
 from mcdem.figures.style import BLUE, GREY, canvas, legend
-from validation.case import Case, Context, Findings, Verdict, below, cannot_say, near
+from validation.case import Case, Context, Findings, below, near
 
 DIMENSION = 1.8
 DOUBLINGS, QUICK = (3, 4, 5, 6), (3, 4, 5)
 CLUSTERS, QUICK_CLUSTERS = 6, 4
-OPEN = "not yet measured: contacts that resist sliding, rolling and twisting are followed, but no cluster was broken here"
 
 
 def parts(context: Context):
@@ -56,7 +55,6 @@ def judge(context: Context, found):
         near("q of breakup by statics, against d_f/2", q, DIMENSION / 2, rel=0.25, error=error),
         below("stress of the largest over that of the smallest clusters", np.median(stress[size == size.max()])
               / np.median(stress[size == size.min()]), 0.5),
-        cannot_say("q of fragmentation in motion, with frictional contacts", OPEN),
     ]  # fmt: skip
 
     def draw():
@@ -81,13 +79,12 @@ def judge(context: Context, found):
 CASE = Case(
     chapter=5,
     claim="Tenuous clusters that hold their shape break at a size that falls as stress^-q with q near d_f/2.",
-    source="force on one half of a cluster proportional to its radius squared (Zaccone et al. 2009; Vanni & Gastaldi 2011 in "
-    "another method); clusters: own, validation/exact/packings.py",
+    source="largest force inside a cluster-cluster aggregate scales as its radius of gyration squared (arXiv:1405.3704; "
+    "Polimeno, Kim & Blanchette 2024, arXiv:2411.12966, for shear); denser ones, d_f > 2.4, otherwise (Zaccone et al. 2009); "
+    "clusters: own, validation/exact/packings.py; in motion: breakup_fractal_motion",
     tolerance="25 % of q: clusters of 8 to 64 are short of the limit; an error of 95 %",
     measure=measure,
     judge=judge,
     parts=parts,
     seen=("strain_sign",),
-    expected=Verdict.cannot_say,
-    because="by statics the exponent is shown; in motion, with contacts that bear moments, it is open",
 )

@@ -151,7 +151,8 @@ CASE = Case(
     "that falls as stress^-1, rearrange, and split at stresses several times higher with a much larger exponent; straight chains "
     "fall with q between 1/2 and 4/5.",
     source="statics of isostatic clusters (breakup_rigid_clusters); motion of the same clusters; slender bodies: tension grows "
-    "as the square of length over its logarithm, so q = 1/2 for the longest (Batchelor 1970); paper: q about 2.0",
+    "as the square of length over its logarithm, so q = 1/2 for the longest (Batchelor 1970: force per length of order "
+    "mu U/ln(2l/R)); paper: q about 2.0",
     tolerance="limits of the fits over sizes and packings; the exponent of first bond loss is known from this toolkit alone, so "
     "its range is wide; which of the two curves the paper's q of 2.0 is about is what the case shows",
     measure=measure,

@@ -121,10 +121,18 @@ class Held:
 
 
 def largest_tension(held: Held, balance: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> float:
-    """Largest tension [N] of any bond in any orientation in shear.
+    """Largest tension [N] of any bond in any orientation in shear (`worst_orientation`)."""
+    return worst_orientation(held, balance)[0]
+
+
+def worst_orientation(
+    held: Held, balance: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+) -> tuple[float, NDArray[np.float64]]:
+    """Largest tension [N] of any bond in any orientation in shear, and the turn (3, 3) of the cluster that brings it.
 
     balance : gives tensions (B,) from forces (N, 3).  A tension is linear in the strain that the cluster sees, A : Q^T E Q;
-    its largest value is the sum of products of sorted eigenvalues, here half the spread of those of A.
+    its largest value is the sum of products of sorted eigenvalues, here half the spread of those of A: the axis along which
+    A is largest lies along the axis of stretching, that along which it is least along that of compression.
     """
     turns = Rotation.random(8, rng=np.random.default_rng(0)).as_matrix()
     strain = np.array([[0, 0, 0], [0, 0, 0.5], [0, 0.5, 0]])
@@ -132,8 +140,14 @@ def largest_tension(held: Held, balance: Callable[[NDArray[np.float64]], NDArray
     components = np.einsum("nij,bij->nb", seen, STRAIN_BASIS)
     tensions = np.array([balance(held.forces(turn)) for turn in turns])
     response = np.linalg.lstsq(components, tensions, rcond=None)[0]
-    spread = np.ptp(np.linalg.eigvalsh(np.einsum("kb,kij->bij", response, STRAIN_BASIS)), axis=1)
-    return float(0.5 * spread.max())
+    matrices = np.einsum("kb,kij->bij", response, STRAIN_BASIS)
+    worst = int(np.argmax(np.ptp(np.linalg.eigvalsh(matrices), axis=1)))
+    values, axes = np.linalg.eigh(matrices[worst])
+    turn = np.linalg.eigh(strain)[1] @ axes.T
+    # A mirror image is no turn; the sign of an axis is free.
+    if np.linalg.det(turn) < 0.0:
+        turn = np.linalg.eigh(strain)[1] @ (axes * [1.0, -1.0, 1.0]).T
+    return float(0.5 * np.ptp(values)), turn
 
 
 def bond_tensions(
