@@ -199,7 +199,7 @@ CASE = Case(
     inputs=lambda context: (datasets.FRACTAL_MOTION,) if context.quick else (),
     seen=("stresses_of_others",),
     expected=Verdict.cannot_say,
-    because="q of fractal clusters in motion is 1.04 +- 0.17, around the 0.9 expected but not known well enough from clusters of 8 "
+    because="q of fractal clusters in motion is 1.04 +- 0.17, near the 0.9 expected but not known well enough from clusters of 8 "
     "to 32: contacts twist, which relieves large clusters more than small ones",
 )
 
