@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from validation.case import Context
 
 FOLDER = Path(__file__).parent.parent / "notebooks" / "data"
+SAVED = Path(__file__).parent / "data"
+"""Samples and tables that take long to make; its README tells the commands."""
 YOUNG = FOLDER / "small-1000Pa.nc"
 """A short run, taken where no long one is committed."""
 KERNELS, SERIES = FOLDER / "kernels-1000Pa.nc", FOLDER / "run-1000Pa.nc"

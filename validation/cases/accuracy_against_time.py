@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from mcdem.figures.style import BLACK, BLUE, GREY, VERMILION, canvas, legend
 from validation import datasets
 from validation.case import Case, Context, Findings, above, below, shown
 
-SAVED = Path(__file__).parent.parent / "data" / "cost-1000Pa.csv"
+SAVED = datasets.SAVED / "cost-1000Pa.csv"
 """Made by the command that validation/data/README.md tells."""
 SAMPLED = ("outcome", "fragment", "geometry")
 FLOOR = 1e-5
