@@ -80,7 +80,9 @@ def encounter_page(t: Trajectory) -> str:
     plot += k3d.points(
         points,
         colors=PARENT_COLOURS[t.parent],
-        point_sizes=(2.0 * t.each_radius / t.radius).astype(np.float32),
+        point_size=2.0,
+        # Sizes of their own come before the common one.
+        point_sizes=[] if t.radii is None else (2.0 * t.radii / t.radius).astype(np.float32),
         shader="3d",
         mesh_detail=3,
         name="primaries",
@@ -198,11 +200,18 @@ STYLE = """
 
 # The viewer's spheres shrink so that the bonds within them are seen.
 BONDS = """
+let whole = null;
 document.getElementById('small').onchange = (event) => {
   const world = K3DInstance.getWorld();
   const spheres = Object.values(world.ObjectsListJson).find((object) => object.name === 'primaries');
-  spheres.point_size = event.target.checked ? 0.7 : 2.0;
-  K3DInstance.reload(spheres, {point_size: spheres.point_size}).then(() => K3DInstance.render());
+  const share = event.target.checked ? 0.35 : 1.0;
+  const changes = {point_size: 2.0 * share};
+  if (spheres.point_sizes && spheres.point_sizes.data.length) {
+    whole = whole || Float32Array.from(spheres.point_sizes.data);
+    changes.point_sizes = {...spheres.point_sizes, data: whole.map((size) => size * share)};
+  }
+  Object.assign(spheres, changes);
+  K3DInstance.reload(spheres, changes).then(() => K3DInstance.render());
 };
 """
 SHOWN = BONDS + "window.viewer = K3DInstance; document.body.dataset.ready = 'yes';"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 
 import synthetic
@@ -10,6 +11,8 @@ from mcdem import executors
 from mcdem.sweep import sweep
 
 if __name__ == "__main__":
+    # What a shell starts in the background is deaf to Ctrl-C, and so would be all that it starts.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     folder, workers, encounter = sys.argv[1:]
     with executors.opened("process", int(workers), apart=True) as crew:
         found = sweep(
