@@ -236,7 +236,7 @@ class Numerics(Table):
     as at levels of hydrodynamics without stresslets."""
     sure_miss: NonNegativeDimensionless = 0.5
     """Two rigid aggregates that came together as bodies pass as bodies if no two of their primaries come closer than this gap,
-    in radii, and nothing can break; 0 for never.  The gap is foretold to about 0.1 (largest error of 284 passages: 0.28)."""
+    in radii, and nothing can break; 0 for never.  The gap is foretold to about 0.1."""
     separation: NonNegativeDimensionless = 1.5
     """Parts that recede from each other go on alone beyond this centre distance over R_i + R_j; 0 for never."""
     rigid_rotation: bool = True

@@ -39,6 +39,7 @@ from mcdem.runs import Run
 from mcdem.scene import Scene, load_scene
 
 WAYS = (REFERENCE, "default", "paper")
+TITLE = "mcdem agreement: the same encounters with and without shortcuts"
 FORMAT = 1
 EVERY = 60.0
 """Time between two writings [s]."""
@@ -82,7 +83,7 @@ def store(pairs: Sequence[Pair], scene: Scene, run: Path, seed: int) -> xr.Datas
         },
         coords={"way": list(WAYS)},
         attrs={
-            "title": "mcdem agreement: the same encounters with and without shortcuts",
+            "title": TITLE,
             "format": FORMAT,
             "scene": scene.text,
             "scene_name": scene.name,
@@ -195,9 +196,17 @@ def differences(data: xr.Dataset, way: str, other: str) -> list[Difference]:
 
 
 def load(path: Path) -> xr.Dataset:
-    """A sample from its file, in memory."""
-    with xr.open_dataset(path) as data:
-        return data.load()
+    """A sample from its file, in memory; raises `UserError` for a file that holds none."""
+    try:
+        with xr.open_dataset(path) as opened_file:
+            data = opened_file.load()
+    except (OSError, ValueError) as problem:
+        raise UserError(
+            f"{path}: cannot be read as NetCDF ({problem}); expected a sample of this command"
+        ) from None
+    if data.attrs.get("title") != TITLE or data.attrs.get("format") != FORMAT:
+        raise UserError(f"{path}: expected a sample of this command, layout {FORMAT}; choose another file")
+    return data
 
 
 def save(data: xr.Dataset, path: Path) -> None:
@@ -226,7 +235,10 @@ def main(
                 raise UserError(f"{out}: holds a sample of another scene or seed; choose another file")
         else:
             data = store(draw_pairs(asked, [run], encounters, seed), asked, run, seed)
-        complete(data, paper, workers, lambda: save(data, out), lambda line: print(line, flush=True))
+        try:
+            complete(data, paper, workers, lambda: save(data, out), lambda line: print(line, flush=True))
+        finally:
+            save(data, out)
     except UserError as problem:
         print(problem, file=sys.stderr)
         raise typer.Exit(1) from None
