@@ -23,6 +23,7 @@ from mcdem.commands import (
     report,
     run,
     sweep,
+    thin,
     view,
 )
 from mcdem.errors import UserError
@@ -57,6 +58,7 @@ for module in (
     plot,
     figures,
     report,
+    thin,
     encounter,
     view,
     efficiency,

@@ -296,6 +296,10 @@ class Snapshots:
         self.times = Table(SNAPSHOTS)
         self.geometries = Geometries(resisting, several)
 
+    def next_multiple(self, every: float) -> int:
+        """Which multiple of `every` [s] comes next; of a thinned dataset not the number of those it holds."""
+        return round(float(self.times["time"][-1]) / every) + 1 if self.times.rows else 0
+
     def append(self, time: float, population: Population) -> None:
         self.times.append(time=time, volume=population.volume, number_of_aggregates=population.number)
         places, aggregates = zip(*population, strict=True)

@@ -78,7 +78,7 @@ class Process:
     def wait(self, time: float) -> None:
         """Nothing happens until `time` [s]."""
         every = self.scene.run.snapshot_every
-        while (due := self.record.snapshots.times.rows * every) < time:
+        while (due := self.record.snapshots.next_multiple(every) * every) < time:
             self.record.snapshots.append(due, self.population)
         self.time = time
 

@@ -1,0 +1,30 @@
+"""`mcdem thin`: a dataset small enough to keep."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mcdem.commands import Dataset, read_quantity, refuse_existing
+from mcdem.units import TIME
+
+
+def thin(
+    file: Dataset,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Dataset to write.")],
+    every: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help='Time between the snapshots that are kept, such as "5 s".'),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output if it exists.")] = False,
+) -> None:
+    """Make a run's dataset small: fewer snapshots, rounded reals, compressed. `mcdem run --resume` continues it."""
+    refuse_existing(output, overwrite=overwrite)
+    spacing = None if every is None else read_quantity("--every", every, TIME.positive)
+    from mcdem.thinning import thin as thin_dataset
+
+    thin_dataset(file, output, spacing)
+    before, after = file.stat().st_size / 2**20, output.stat().st_size / 2**20
+    typer.echo(f"{output} written: {after:.2f} MiB of {before:.2f} MiB")
