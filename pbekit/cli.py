@@ -76,10 +76,19 @@ class _Bar:
 
 @app.command()
 def solve(
-    kernels: Table,
+    kernels: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="KERNELS...", help="A table that `mcdem kernels` wrote; several with --stress."
+        ),
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Dataset to write.")],
     until: Annotated[float, typer.Option(min=0, help="Time to stop at [s].")] = 300.0,
     samples: Annotated[int, typer.Option(min=2, help="Times to keep.")] = 201,
+    stress: Annotated[
+        float | None,
+        typer.Option(min=0, help="Shear stress [Pa] to interpolate to, between those of two tables."),
+    ] = None,
     volume_fraction: Annotated[float | None, typer.Option(help="Instead of the table's.")] = None,
     draws: Annotated[int, typer.Option(min=0, help="Posterior draws for 90 % bands; 0 for none.")] = 0,
     mean_shape: Annotated[bool, typer.Option("--mean-shape", help="One mean shape per size.")] = False,
@@ -93,9 +102,10 @@ def solve(
     seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE if it exists.")] = False,
 ) -> None:
-    """Solve the balance on a table over time and at steady state."""
+    """Solve the balance on a table over time and at steady state, or at a stress between those of two tables."""
     import numpy as np
 
+    from pbekit.between import Between, between
     from pbekit.closures import Closure, grid_for
     from pbekit.compare import start_of
     from pbekit.solve import solve as march
@@ -105,9 +115,17 @@ def solve(
 
     if output.exists() and not overwrite:
         raise PBEError(f"{output} exists; give another name, or --overwrite to replace it")
-    table = KernelTable.load(kernels)
+    tables = [KernelTable.load(k) for k in kernels]
+    table = max(tables, key=lambda t: t.records.size.max(initial=1))
     grid = grid_for(table, exact_to, largest, shapes=None if mean_shape else "table")
-    closure = Closure(table, grid, "smooth" if smooth else "table")
+    outcomes = "smooth" if smooth else "table"
+    closure: Closure | Between
+    if stress is not None:
+        closure = between(tables, stress, grid, outcomes)
+    elif len(tables) == 1:
+        closure = Closure(table, grid, outcomes)
+    else:
+        raise PBEError(f"{len(tables)} tables: say by --stress at which stress between theirs, or give one")
     start = start_of(grid, table, volume_fraction)
     times = np.linspace(0.0, until, samples)
     with _Bar("pbekit solve") as bar:
@@ -149,14 +167,16 @@ def solve(
             )
         bar("done", 1.0)
     data.attrs |= {
-        "kernels": str(kernels),
+        "kernels": " ".join(map(str, kernels)),
         "command": shlex.join(["pbekit", *sys.argv[1:]]),
-        "scene": str(table.about.get("scene", "")),
+        "scene": str(table.about.get("scene", "")) if stress is None else "",
         "steady_mean_size": float(summary["mean_size"]),
         "extrapolated_flux": closure.extrapolated_flux(steady.population),
         "edge_flux": balance.edge_flux(steady.population),
         "unresolved": closure.unresolved,
     }
+    if stress is not None:
+        data.attrs["shear_stress"] = stress
     data["number"].attrs["units"] = "m-3"
     data.to_netcdf(output)
     line = f"{output}: steady <P> = {summary['mean_size']:.4g}"
@@ -265,6 +285,10 @@ def _over_stresses(
     figures.draw_stress_law(law, runs, output / "stress")
     for k, stress in enumerate(law.stress.values):
         one, eta = law.isel(stress=k), etas.isel(stress=k)
+        beside = ""
+        if "mean_size_interpolated" in one and one.mean_size_interpolated == one.mean_size_interpolated:
+            values = [float(one[f"mean_size_interpolated{end}"]) for end in ("", "_low", "_high")]
+            beside = f"  from its neighbours {values[0]:.3g} ({values[1]:.3g} ... {values[2]:.3g})"
         typer.echo(
             f"  {stress:6.4g} Pa  eta_11 {float(eta.eta_11):.4f} ({float(eta.eta_11_low):.4f} ... "
             f"{float(eta.eta_11_high):.4f}; Eq. 23 {float(eta.equation_23):.4f})  "
@@ -273,7 +297,7 @@ def _over_stresses(
                 f"{unit * float(one[key + '_high']):.3g})"
                 for key, name, unit in STRESS_ROWS
             )
-            + f"  {100 * float(one.extrapolated):.2g} % extrapolated"
+            + f"{beside}  {100 * float(one.extrapolated):.2g} % extrapolated"
         )
     for key, name, _ in STRESS_ROWS:
         q = [law.attrs[f"q_{key}{end}"] for end in ("", "_low", "_high")]

@@ -18,6 +18,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy import optimize, sparse, special
@@ -169,6 +170,41 @@ def nearest(targets: np.ndarray, samples: np.ndarray, scale: np.ndarray, within=
     return sparse.csr_array((data, columns, start), shape=(len(targets), len(samples)))
 
 
+class Rates(NamedTuple):
+    """What a balance takes from a table of encounters, on the cells of its grid.
+
+    encounters : (K, K) [m^3/s] f_ij;  outcomes : (K, K, 3) probability to survive, join, scatter
+    fragments : (pairs of sizes, S + 2) expected products of a scattering pair, as `PairRows`
+    radius_moments : (3, K) means of R, R^2, R^3 [m, m^2, m^3]
+    joined, broken, transitions : shapes of products of aggregation and breakup, and of survivors (groups of partners, K,
+        shapes); None where sizes have one shape only
+    """
+
+    encounters: np.ndarray
+    outcomes: np.ndarray
+    fragments: np.ndarray
+    radius_moments: np.ndarray
+    joined: np.ndarray | ShapeMemory | None
+    broken: np.ndarray | None
+    transitions: np.ndarray | None
+
+    def balance(self, grid: Grid, partner_start: np.ndarray, scheme: str, edge: str) -> PopulationBalance:
+        """The balance of these events."""
+        join, scatter = (
+            self.encounters * self.outcomes[..., JOIN],
+            self.encounters * self.outcomes[..., SCATTER],
+        )
+        events: list[Event] = []
+        if self.transitions is not None:
+            survive = self.encounters * self.outcomes[..., SURVIVE]
+            events.append(Restructuring(survive, self.transitions, partner_start))
+        events += [
+            Aggregation(join, self.joined),
+            CollisionalBreakup(scatter, PairRows(self.fragments, "fragments of encounters"), self.broken),
+        ]
+        return PopulationBalance(grid.with_outer_radius(self.radius_moments[0]), events, scheme, edge)
+
+
 class Closure:
     """A table on a grid.
 
@@ -207,6 +243,7 @@ class Closure:
         self.records = resolved
         self.kind = kind_of(resolved.outcome)
         self.partners = partners
+        self.partner_start = np.array([0, grid.cells])
         self._prepare_outcomes()
         self._prepare_fragments()
         self._prepare_radii()
@@ -426,7 +463,7 @@ class Closure:
         before, size = parent[encounter, side], r.size[encounter, side]
         partner = r.size[encounter, 1 - side]
         starts = [p for p in self.partners if p <= grid.pivots[-1]]
-        self._partner_start = np.array([np.argmax(grid.mass >= p) for p in starts] + [grid.cells])
+        self.partner_start = np.array([np.argmax(grid.mass >= p) for p in starts] + [grid.cells])
         of_partner = np.searchsorted(starts, partner, side="right") - 1
         self._kept_near, self._kept_pool = [], []
         cells = np.flatnonzero(several)
@@ -503,28 +540,30 @@ class Closure:
         cube = r3[:, None] + 3 * r2[:, None] * r1[None] + 3 * r1[:, None] * r2[None] + r3[None]
         return 4 / 3 * self.table.shear_rate * cube
 
+    def rates(self, rng: np.random.Generator | None = None) -> Rates:
+        """All that the balance takes from the table: the mean, or a draw."""
+        weight = self.weights(rng)
+        p = self.probabilities(weight, rng)
+        moments = self.radius_moments(weight)
+        join, broken, transitions = None, None, None
+        if self.grid.shapes > 1:
+            join, broken = self.shapes_of_products(weight, rng)
+            transitions = self.transitions(weight, rng)
+        return Rates(
+            self.encounter_rate(weight),
+            p if self.smooth else p[self.cell_pair],
+            self.fragment_rows(weight),
+            moments,
+            join,
+            broken,
+            transitions,
+        )
+
     def balance(
         self, rng: np.random.Generator | None = None, scheme: str = "fixed pivot"
     ) -> PopulationBalance:
         """The mean balance, or a draw of it."""
-        weight = self.weights(rng)
-        rate = self.encounter_rate(weight)
-        p = self.probabilities(weight, rng)
-        p = p if self.smooth else p[self.cell_pair]
-        join, broken = None, None
-        events: list[Event] = []
-        if self.grid.shapes > 1:
-            join, broken = self.shapes_of_products(weight, rng)
-            events.append(
-                Restructuring(rate * p[..., SURVIVE], self.transitions(weight, rng), self._partner_start)
-            )
-        rows = PairRows(self.fragment_rows(weight), "fragments of encounters")
-        events += [
-            Aggregation(rate * p[..., JOIN], join),
-            CollisionalBreakup(rate * p[..., SCATTER], rows, broken),
-        ]
-        grid = self.grid.with_outer_radius(self.radius_moments(weight)[0])
-        return PopulationBalance(grid, events, scheme, self.edge)
+        return self.rates(rng).balance(self.grid, self.partner_start, scheme, self.edge)
 
     @cached_property
     def mean(self) -> PopulationBalance:

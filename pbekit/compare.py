@@ -17,6 +17,7 @@ import xarray as xr
 from scipy import optimize, stats
 
 from pbekit.balance import PopulationBalance
+from pbekit.between import Between, stress_of
 from pbekit.breakage import PowerLawRate, TwoPeak
 from pbekit.closures import Closure, grid_for
 from pbekit.efficiencies import attraction_number
@@ -350,7 +351,7 @@ def switch_table(
 
 def efficiencies(tables: list[KernelTable]) -> xr.Dataset:
     """eta_11 of each table with its interval, and Eq. 23, against stress."""
-    stress = np.array([float(t.about["viscosity"]) * t.shear_rate for t in tables])
+    stress = np.array([stress_of(t) for t in tables])
     order = np.argsort(stress)
     counted = np.array([eta_11(tables[k]) for k in order])
     law = [van_de_ven_mason_of(tables[k]) if "hamaker_constant" in tables[k].about else np.nan for k in order]
@@ -597,17 +598,19 @@ def stress_law(
 ) -> xr.Dataset:
     """Steady <P>, d32 and breakup size against stress with bands, and the exponent q of each, X ~ stress^-q.
 
+    *_interpolated : steady <P> and d32 from the tables at the next lower and the next higher stress alone, with bands; nan
+    at the ends, which have no two neighbours
     *_analytical : van de Ven & Mason's efficiency with power-law breakup, which is given <P> at the stress with most
     encounters (attribute `reference`) and P_br ~ stress^-ANALYTICAL_Q; extrapolated : share of encounters in pairs of
     classes nobody sampled; breakup_beyond : whether P_br is larger than any two partners together were
     """
     if len(tables) < 2:
         raise PBEError("a law over stresses needs tables at two stresses or more")
-    stress = np.array([float(t.about["viscosity"]) * t.shear_rate for t in tables])
+    stress = np.array([stress_of(t) for t in tables])
     order = np.argsort(stress)
     stress, tables = stress[order], [tables[k] for k in order]
     values: dict[str, list] = {name: [] for name in OVER_STRESSES}
-    extrapolated, beyond = [], []
+    extrapolated, beyond, interpolated = [], [], []
     for k, table in enumerate(tables):
         closure = Closure(table, grid_for(table))
         start = start_of(closure.grid, table)
@@ -619,6 +622,11 @@ def stress_law(
         rng = np.random.default_rng(k)
         values["breakup_size"].append(
             [breakup_size(closure)] + [breakup_size(closure, rng) for _ in range(draws)]
+        )
+        interpolated.append(
+            _from_neighbours(tables[k - 1], tables[k + 1], stress[k], draws, k)
+            if 0 < k < len(tables) - 1
+            else {}
         )
         extrapolated.append(closure.extrapolated_flux(steady.population))
         beyond.append(values["breakup_size"][-1][0] > table.records.size.sum(axis=1).max())
@@ -645,6 +653,30 @@ def stress_law(
             slope = np.polyfit(np.log(stress), np.log(found[f"{name}_analytical"].values), 1)[0]
             found.attrs[f"q_{name}_analytical"] = -slope
         found.attrs["reference"] = stress[_most_encounters(tables)]
+    if len(tables) > 2:
+        for name in interpolated[1]:
+            unit = {"units": OVER_STRESSES[name.partition("_interpolated")[0]]}
+            found[name] = ("stress", [row.get(name, np.nan) for row in interpolated], unit)
+    return found
+
+
+def _from_neighbours(
+    lower: KernelTable, upper: KernelTable, stress: float, draws: int, seed: int
+) -> dict[str, float]:
+    """Steady <P> and d32 [m] at a stress [Pa] from tables below and above it, with their bands."""
+    closure = Between(lower, upper, stress)
+    start = start_of(closure.grid, lower)
+    steady = steady_state(closure.mean, start)
+    mean = steady_summary(closure.mean, steady.population)
+    drawn = draws_of(closure, steady_output(start, guess=steady.population), draws, seed=seed)
+    found: dict[str, float] = {}
+    for name in ("mean_size", "sauter_diameter"):
+        low, high = band(drawn[name].values)
+        found |= {
+            f"{name}_interpolated": float(mean[name]),
+            f"{name}_interpolated_low": float(low),
+            f"{name}_interpolated_high": float(high),
+        }
     return found
 
 

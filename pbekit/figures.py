@@ -211,6 +211,20 @@ def draw_stress_law(data: xr.Dataset, runs: dict[float, tuple[float, float]], pa
             ax.plot(
                 data.stress[doubtful], values[doubtful], marker, color=colour, ms=4, mfc="white", zorder=3
             )
+            if f"{key}_interpolated" in data:
+                guess = unit * data[f"{key}_interpolated"].values
+                ends = np.stack(
+                    [
+                        guess - unit * data[f"{key}_interpolated_low"],
+                        unit * data[f"{key}_interpolated_high"] - guess,
+                    ]
+                )
+                # Beside their stress, so that both bands can be read.
+                beside = 1.012 * data.stress.values
+                ax.errorbar(
+                    beside, guess, yerr=np.maximum(ends, 0), fmt="s", color=ORANGE, mfc="white", ms=4,
+                    label="from the tables at the two stresses beside",
+                )  # fmt: skip
             if f"{key}_analytical" in data:
                 laws = f"{ANALYTICAL}: q = {data.attrs[f'q_{key}_analytical']:.2f}"
                 ax.plot(data.stress, unit * data[f"{key}_analytical"], "--", color=VERMILION, label=laws)

@@ -102,12 +102,10 @@ def _lookup(closure: Closure, largest: int, rng: np.random.Generator | None = No
     share_join = np.ones((1, grid.cells))
     share_scatter = np.ones(grid.cells)
     kept = np.ones((1, grid.cells, 1))
-    partner_start = np.array([0, grid.cells])
     if shapes > 1:
         joined, share_scatter = closure.shapes_of_products(weight, rng)
         share_join = joined.shares if isinstance(joined, ShapeMemory) else joined[None]
         kept = closure.transitions(weight, rng)
-        partner_start = closure._partner_start
     cumulate = lambda rows: np.stack([_by_size(r, grid) for r in np.atleast_2d(rows)])
     if closure.scattered.size:
         near = closure._fragment_norm
@@ -137,7 +135,7 @@ def _lookup(closure: Closure, largest: int, rng: np.random.Generator | None = No
         cumulate(share_join),
         _by_size(share_scatter, grid),
         np.cumsum(kept, axis=2),
-        (np.searchsorted(partner_start, np.arange(grid.cells), side="right") - 1).astype(np.int64),
+        (np.searchsorted(closure.partner_start, np.arange(grid.cells), side="right") - 1).astype(np.int64),
         grid.shape_of_cell.astype(np.int64),
         first[grid.size_of_cell].astype(np.int64),
         4 / 3 * table.shear_rate,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import xarray as xr
@@ -23,8 +24,14 @@ from pbekit.steady import SteadyState, steady_state
 LEVEL = 0.9
 
 
+class Drawn(Protocol):
+    """What draws are made of: a `Closure`, or two (`between.Between`)."""
+
+    def balance(self, rng: np.random.Generator | None = None) -> PopulationBalance: ...
+
+
 def draws_of(
-    closure: Closure,
+    closure: Drawn,
     output: Callable[[PopulationBalance], Mapping[str, np.ndarray | float]],
     draws: int,
     seed: int = 0,

@@ -13,8 +13,9 @@ from mcdem.scene import Scene
 from mcdem.simulate import run
 from mcdem.tabulate import tabulate
 from pbekit import Grid, integrate
+from pbekit.between import Between, between
 from pbekit.cli import app
-from pbekit.closures import Closure
+from pbekit.closures import Closure, grid_for
 from pbekit.compare import (
     AnalyticalBalance,
     MonteCarlo,
@@ -24,6 +25,7 @@ from pbekit.compare import (
     stress_law,
     switches,
 )
+from pbekit.errors import PBEError
 from pbekit.finite import population_course
 from pbekit.tables import KernelTable
 from pbekit.uncertainty import course_output
@@ -228,3 +230,71 @@ def test_mistakes_are_answered_in_a_line(files, tmp_path):
     assert done.exit_code == 2 and "--overwrite" in done.output
     done = call("compare", files / "k.nc", "--run", files / "k.nc", "-o", tmp_path)
     assert done.exit_code == 2
+
+
+@pytest.fixture(scope="module")
+def three_stresses(two_stresses):
+    """The two, and one in between: ln P_br falls as ln stress, so 12/sqrt(2) at sqrt(2)."""
+    records = design(np.random.default_rng(10), 8000, 20, critical=12 / 2**0.5)
+    about = ABOUT | {"viscosity": 2**0.5, "shear_stress": 2**0.5}
+    path = two_stresses[0].with_name("between.nc")
+    KernelTable.of(records, RADIUS, SHEAR_RATE, shapes=1, about=about).save(path)
+    return two_stresses[0], path, two_stresses[1]
+
+
+def test_a_stress_between_two_tables_is_foretold(three_stresses):
+    tables = [KernelTable.load(path) for path in three_stresses]
+    lower, upper = tables[0], tables[2]
+    found = between([upper, lower], 2**0.5)
+    assert found.weight == pytest.approx(0.5)
+    population = np.random.default_rng(1).random(found.grid.cells)
+    drawn = found.balance(np.random.default_rng(2))
+    for balance in (found.mean, drawn):
+        rate = balance.rhs(0.0, balance.state(population))
+        assert np.all(np.abs(rate @ balance.conserved) <= 1e-13 * (np.abs(rate) @ balance.conserved))
+    steady = [steady_size(Closure(t, grid_for(t))) for t in tables]
+    guess = steady_size(found)
+    assert steady[2] < guess < steady[0]
+    # Neighbours a factor two apart in critical size; the left-out table is met far better than by either.
+    assert abs(guess - steady[1]) < 0.35 * (steady[0] - steady[2])
+    law = stress_law(tables, draws=8)
+    assert np.isnan(law.mean_size_interpolated[[0, 2]]).all()
+    assert float(law.mean_size_interpolated[1]) == pytest.approx(guess, rel=1e-6)
+    assert law.mean_size_interpolated_low[1] < law.mean_size_interpolated_high[1]
+
+
+def steady_size(closure):
+    from pbekit.compare import start_of
+    from pbekit.steady import steady_state
+
+    table = closure.table if hasattr(closure, "table") else closure.closures[0].table
+    n = steady_state(closure.mean, start_of(closure.grid, table)).population
+    return n @ closure.grid.mass / n.sum()
+
+
+def test_at_the_ends_and_beyond(three_stresses):
+    lower, _, upper = (KernelTable.load(path) for path in three_stresses)
+    at_the_end = Between(lower, upper, 1.0)
+    own = Closure(lower, at_the_end.grid)
+    n = own.grid.monodisperse(0.01) + 1e-3
+    rates = [b.rhs(0.0, b.state(n)) for b in (at_the_end.mean, own.mean)]
+    np.testing.assert_allclose(rates[0], rates[1], rtol=1e-9, atol=1e-12 * np.abs(rates[1]).max())
+    with pytest.raises(PBEError, match="beyond them nothing is known"):
+        between([lower, upper], 3.0)
+    with pytest.raises(PBEError, match="beyond them nothing is known"):
+        Between(lower, upper, 0.5)
+    silent = KernelTable.of(lower.records, RADIUS, SHEAR_RATE, shapes=1)
+    with pytest.raises(PBEError, match="viscosity"):
+        between([silent, upper], 1.5)
+
+
+def test_solve_interpolates(three_stresses, tmp_path):
+    low, middle, high = three_stresses
+    done = call("solve", low, high, "--stress", 1.5, "-o", tmp_path / "n.nc", "--until", 20, "--draws", 3)
+    assert done.exit_code == 0, done.output
+    assert "steady <P>" in done.output
+    assert xr.open_dataset(tmp_path / "n.nc").attrs["shear_stress"] == 1.5
+    done = call("solve", low, high, "-o", tmp_path / "m.nc")
+    assert done.exit_code == 2 and "--stress" in done.output
+    done = call("solve", low, middle, "--stress", 5, "-o", tmp_path / "m.nc")
+    assert done.exit_code == 2 and "between" in done.output
