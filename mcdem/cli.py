@@ -24,6 +24,7 @@ from mcdem.commands import (
     run,
     sweep,
     thin,
+    vary,
     view,
 )
 from mcdem.errors import UserError
@@ -63,6 +64,7 @@ for module in (
     view,
     efficiency,
     cost,
+    vary,
     kernels,
     check,
     describe,

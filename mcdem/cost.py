@@ -72,6 +72,7 @@ def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
     exact = {
         "numerics.far_field_lag": 0.0,
         "numerics.far_approach": 0.0,
+        "numerics.sure_miss": 0.0,
         "numerics.separation": 0.0,
         "numerics.rigid_rotation": False,
         "numerics.end_inert": False,

@@ -77,7 +77,7 @@ def members(
     found = []
     for values in itertools.product(*settings.values()):
         chosen = dict(zip(settings, values, strict=True))
-        changed = scene.with_changes({key: _toml(value) for key, value in chosen.items()})
+        changed = scene.with_changes({key: toml_value(value) for key, value in chosen.items()})
         point = ",".join(
             f"{_short(key, settings)}={value.replace(' ', '_')}" for key, value in chosen.items()
         )
@@ -89,7 +89,7 @@ def members(
     return found
 
 
-def _toml(value: str) -> Any:
+def toml_value(value: str) -> Any:
     """A value as the scene file would hold it: number, boolean, or text with a unit; "none" removes the key."""
     if value == "none":
         return None
