@@ -106,8 +106,7 @@ def solve(
     import numpy as np
 
     from pbekit.between import Between, between
-    from pbekit.closures import Closure, grid_for
-    from pbekit.compare import start_of
+    from pbekit.closures import Closure, grid_for, start_of
     from pbekit.solve import solve as march
     from pbekit.steady import steady_state
     from pbekit.tables import KernelTable
@@ -212,10 +211,11 @@ def compare(
     matplotlib.use("Agg")
     from pbekit import compare as comparing
     from pbekit import figures
+    from pbekit.monte_carlo import MonteCarlo
     from pbekit.tables import KernelTable
 
     tables = [KernelTable.load(k) for k in kernels]
-    found = [comparing.MonteCarlo.read(r) for r in runs or []]
+    found = [MonteCarlo.read(r) for r in runs or []]
     by_scene = {run.scene: run for run in found}
     strangers = set(by_scene) - {str(t.about.get("scene")) for t in tables}
     if strangers:
@@ -273,15 +273,15 @@ def stresses(
 def _over_stresses(
     tables: list[Any], runs: dict[float, tuple[float, float]], output: Path, draws: int
 ) -> None:
-    from pbekit import compare as comparing
     from pbekit import figures
+    from pbekit.over_stresses import efficiencies, stress_law
 
-    etas = comparing.efficiencies(tables)
+    etas = efficiencies(tables)
     figures.draw_efficiencies(etas, output / "eta_11")
     if len(tables) < 2:
         return
     with _Bar("pbekit stresses") as bar:
-        law = comparing.stress_law(tables, draws, lambda share: bar("stresses", share))
+        law = stress_law(tables, draws, lambda share: bar("stresses", share))
     figures.draw_stress_law(law, runs, output / "stress")
     for k, stress in enumerate(law.stress.values):
         one, eta = law.isel(stress=k), etas.isel(stress=k)
@@ -383,11 +383,10 @@ def show(
     largest: Annotated[int, typer.Option(min=1, help="How many pairs of classes to list.")] = 10,
 ) -> None:
     """Tell what a table holds, how sure its balance is, and which pairs of classes make its error."""
-    from pbekit.closures import Closure, grid_for
-    from pbekit.compare import eta_11, start_of
+    from pbekit.closures import Closure, grid_for, start_of
     from pbekit.steady import steady_state
     from pbekit.tables import OUTCOMES, KernelTable
-    from pbekit.uncertainty import mean_size_gradient, variance_shares
+    from pbekit.uncertainty import eta_11, mean_size_gradient, variance_shares
 
     table = KernelTable.load(kernels)
     totals = table.counts.sum(axis=0)

@@ -51,6 +51,14 @@ def grid_for(table: KernelTable, exact_to: int = 32, largest: int | None = None,
     return grid if edges is None else grid.with_shapes(edges, table.shape_name)
 
 
+def start_of(grid: Grid, table: KernelTable, volume_fraction: float | None = None) -> np.ndarray:
+    """(K,) free primaries at the volume fraction of the table's scene [1/m^3]."""
+    phi = table.about.get("volume_fraction") if volume_fraction is None else volume_fraction
+    if phi is None:
+        raise PBEError("the table does not say its volume fraction; give one")
+    return grid.monodisperse(float(phi) / (4 / 3 * np.pi * table.radius**3))
+
+
 @dataclass(frozen=True)
 class LogisticLaw:
     """ln(p_k/p_0) = polynomial in ln sizes and shapes, symmetric in the two; ridge prior, Laplace posterior.

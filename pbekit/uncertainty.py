@@ -14,12 +14,14 @@ from typing import Protocol
 
 import numpy as np
 import xarray as xr
+from scipy import stats
 
 from pbekit.balance import PopulationBalance
 from pbekit.closures import JOIN, SCATTER, SURVIVE, Closure
 from pbekit.errors import PBEError
 from pbekit.solve import integrate
 from pbekit.steady import SteadyState, steady_state
+from pbekit.tables import AGGREGATION, UNRESOLVED, KernelTable
 
 LEVEL = 0.9
 
@@ -103,6 +105,16 @@ def course_output(population: np.ndarray, times: np.ndarray, share_from: float |
         return found
 
     return output
+
+
+def eta_11(table: KernelTable) -> tuple[float, float, float]:
+    """Efficiency of two primaries: share that aggregated, and its 90 % interval (Jeffreys)."""
+    r = table.records
+    pair = (r.size == 1).all(axis=1) & (r.outcome != UNRESOLVED)
+    n, k = int(pair.sum()), int((r.outcome[pair] == AGGREGATION).sum())
+    tail = 0.5 * (1 - LEVEL)
+    posterior = stats.beta(k + 0.5, n - k + 0.5)
+    return (k / n if n else np.nan), float(posterior.ppf(tail)), float(posterior.ppf(1 - tail))
 
 
 def mean_size_gradient(balance: PopulationBalance, n: np.ndarray) -> np.ndarray:

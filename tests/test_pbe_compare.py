@@ -13,22 +13,18 @@ from mcdem.scene import Scene
 from mcdem.simulate import run
 from mcdem.tabulate import tabulate
 from pbekit import Grid, integrate
+from pbekit.analytical import AnalyticalBalance
 from pbekit.between import Between, between
 from pbekit.cli import app
-from pbekit.closures import Closure, grid_for
-from pbekit.compare import (
-    AnalyticalBalance,
-    MonteCarlo,
-    breakup_size,
-    distance,
-    eta_11,
-    stress_law,
-    switches,
-)
+from pbekit.closures import Closure, grid_for, start_of
 from pbekit.errors import PBEError
 from pbekit.finite import population_course
+from pbekit.monte_carlo import MonteCarlo
+from pbekit.over_stresses import breakup_size, stress_law
+from pbekit.steady import steady_state
+from pbekit.switches import distance, switches
 from pbekit.tables import KernelTable
-from pbekit.uncertainty import course_output
+from pbekit.uncertainty import course_output, eta_11
 
 ABOUT = {"volume_fraction": 0.04, "viscosity": 1.0, "hamaker_constant": 0.01, "shear_stress": 1.0}
 
@@ -101,8 +97,6 @@ def test_late_shares_are_averages_over_time(table):
 def test_analytical_laws_are_fitted_in_one_number(table):
     fitted = AnalyticalBalance.fitted(table, 5.0)
     assert fitted.efficiency == pytest.approx(0.95 * (0.01 / (36 * np.pi)) ** 0.18)
-    from pbekit.steady import steady_state
-
     n = steady_state(fitted.balance(), fitted.grid.monodisperse(0.04 / (4 / 3 * np.pi))).population
     assert n @ fitted.grid.mass / n.sum() == pytest.approx(5.0, rel=1e-2)
 
@@ -264,9 +258,6 @@ def test_a_stress_between_two_tables_is_foretold(three_stresses):
 
 
 def steady_size(closure):
-    from pbekit.compare import start_of
-    from pbekit.steady import steady_state
-
     table = closure.table if hasattr(closure, "table") else closure.closures[0].table
     n = steady_state(closure.mean, start_of(closure.grid, table)).population
     return n @ closure.grid.mass / n.sum()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from mcdem.errors import UserError
 
 if TYPE_CHECKING:
-    from pbekit.compare import MonteCarlo
+    from pbekit.monte_carlo import MonteCarlo
     from pbekit.tables import KernelTable
     from validation.case import Context
 
@@ -57,7 +57,7 @@ def kernels() -> KernelTable:
 
 def series() -> MonteCarlo:
     """Sizes over time of the run behind the table."""
-    from pbekit.compare import MonteCarlo
+    from pbekit.monte_carlo import MonteCarlo
 
     return MonteCarlo.read(SERIES)
 

@@ -13,10 +13,10 @@ from ..vary import ETA, STRICT, Difference
 from .style import BLUE, GREY, canvas, look
 
 PANELS = (
-    (ETA, r"$\eta_{11}$, relative", 1.0),
-    ("aggregation", "aggregation, % of encounters", 100.0),
-    ("parted", "touched and parted, %", 100.0),
-    (STRICT, "exchange and fragmentation, %", 100.0),
+    (ETA, "$\\eta_{11}$\nrelative difference", 1.0),
+    ("aggregation", "aggregation\n% of encounters", 100.0),
+    ("parted", "touched and parted\n% of encounters", 100.0),
+    (STRICT, "exchange, fragmentation\n% of encounters", 100.0),
 )
 
 

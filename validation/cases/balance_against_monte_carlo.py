@@ -16,8 +16,7 @@ LATE = 0.6
 
 def measure(context: Context):
     """The run, the balance, and single runs to come that the balance's table leaves open, over the same times."""
-    from pbekit.closures import Closure, grid_for
-    from pbekit.compare import start_of
+    from pbekit.closures import Closure, grid_for, start_of
     from pbekit.finite import population_course
     from pbekit.uncertainty import course_output
 
