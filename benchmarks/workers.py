@@ -25,8 +25,8 @@ import xarray as xr
 
 from mcdem import executors, simulate
 from mcdem.aggregate import Aggregate
+from mcdem.differences import differences
 from mcdem.encounter import simulate_encounter
-from mcdem.record import differences
 from mcdem.scene import Scene
 
 

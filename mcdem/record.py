@@ -17,14 +17,8 @@ the last snapshot is the state from which a run is resumed.
 from __future__ import annotations
 
 import contextlib
-import errno
-import fcntl
-import json
-import os
 import platform
 import shlex
-import shutil
-import socket
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -35,11 +29,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import netCDF4
 import numpy as np
-from xarray.backends.locks import HDF5_LOCK, NETCDFC_LOCK, combine_locks
 
 from mcdem.aggregate import Aggregate
 from mcdem.encounter import OUTCOMES
 from mcdem.errors import DataFileError
+from mcdem.files import LIBRARY_LOCK, replacing
 from mcdem.morphology import aspect_ratio, second_moments, semi_axes
 from mcdem.pair_selection import Meeting
 from mcdem.population import Population, Product
@@ -49,9 +43,6 @@ if TYPE_CHECKING:
 
     from mcdem.encounter import EncounterResult
     from mcdem.scene import Scene
-
-LIBRARY_LOCK = combine_locks([NETCDFC_LOCK, HDF5_LOCK])
-"""xarray's own: the libraries bear one thread at a time, and the collector may close a user's dataset in any thread."""
 
 TITLE = "mcdem run: shear aggregation and breakup of colloidal aggregates"
 FORMAT = 1
@@ -636,51 +627,6 @@ def _history(file: netCDF4.Dataset) -> list[str]:
 
 
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[netCDF4.Dataset]:
-    """A dataset that takes the place of the one at `path` in one step, when it is complete; if not, that one stays."""
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        with LIBRARY_LOCK:
-            file = netCDF4.Dataset(beside, "w")
-            try:
-                yield file
-            finally:
-                file.close()
-        _to_disk(beside)
-        beside.replace(path)
-        _to_disk(path.parent)
-    except (OSError, RuntimeError) as problem:  # the latter from NetCDF, which says no more than "HDF error"
-        with contextlib.suppress(OSError):
-            beside.unlink(missing_ok=True)
-        free = shutil.disk_usage(path.parent).free / 2**20
-        stays = "; what it held before is intact" if path.exists() else ""
-        raise DataFileError(
-            f"{path}: cannot be written ({problem}; {free:.0f} MiB free on its disk){stays}: "
-            "free some space or lift the quota, then continue with --resume"
-        ) from problem
-
-
-def write_text(path: Path, text: str) -> None:
-    """Replace the file at `path` in one step."""
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        beside.write_text(text)
-        _to_disk(beside)
-        beside.replace(path)
-    except OSError as problem:
-        raise DataFileError(f"{path}: cannot be written ({problem.strerror})") from problem
-
-
-def _to_disk(path: Path) -> None:
-    """Wait until what the system holds of a file or folder is on the disk."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-@contextlib.contextmanager
 def opened(*paths: Path) -> Iterator[tuple[netCDF4.Dataset, ...]]:
     """The datasets at `paths`, for reading; raises `DataFileError` if one is not ours or not whole."""
     with LIBRARY_LOCK, contextlib.ExitStack() as stack:
@@ -707,88 +653,3 @@ def _opened(path: Path) -> netCDF4.Dataset:
             f"{path}: layout {layout}, expected {FORMAT}; written by another version: {writer}"
         )
     raise DataFileError(f"{path}: a NetCDF file of another kind; {expected}")
-
-
-@contextlib.contextmanager
-def locked(path: Path) -> Iterator[None]:
-    """Hold the right to write `path`; a second run that asks for it is refused.
-
-    The system frees the lock when its holder ends in whatever way, so that no lock is ever stale.
-    """
-    lock = path.with_name(f".{path.name}.lock")
-    try:
-        file = os.open(lock, os.O_RDWR | os.O_CREAT, 0o644)
-    except OSError as problem:
-        raise DataFileError(
-            f"{path}: cannot be written ({problem.strerror}); expected a folder that exists and can be written"
-        ) from problem
-    try:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as problem:
-            if problem.errno not in (errno.EACCES, errno.EAGAIN):
-                raise DataFileError(
-                    f"{path}: its folder's file system has no locks ({problem.strerror})"
-                ) from problem
-            holder = os.read(file, 1000).decode(errors="replace")
-            with contextlib.suppress(ValueError, KeyError):
-                known = json.loads(holder)
-                holder = f"process {known['process']} on {known['host']}, since {known['since']}"
-            raise DataFileError(
-                f"{path}: another run is writing it ({holder or 'just started'}); wait for its end or choose another file"
-            ) from None
-        holder = json.dumps(
-            {
-                "process": os.getpid(),
-                "host": socket.gethostname(),
-                "since": datetime.now(UTC).isoformat(timespec="seconds"),
-            }
-        )
-        os.ftruncate(file, 0)
-        os.write(file, holder.encode())
-        yield
-    finally:
-        os.close(file)
-
-
-def differences(one: Path | str, other: Path | str) -> list[str]:
-    """What distinguishes two datasets bit by bit, the machine's timing and the origin of the writing aside."""
-    with opened(Path(one), Path(other)) as (a, b):
-        return list(_differences(a, b, ""))
-
-
-def identical(one: Path | str, other: Path | str) -> bool:
-    """Whether two datasets tell the same process, bit for bit."""
-    return not differences(one, other)
-
-
-def _differences(a: netCDF4.Dataset, b: netCDF4.Dataset, where: str) -> Iterator[str]:
-    def attributes(node: Any) -> dict[str, Any]:
-        return {n: np.asarray(node.getncattr(n)) for n in node.ncattrs() if n not in ORIGIN_OF_THE_WRITING}
-
-    def compare(kind: str, x: dict[str, Any], y: dict[str, Any]) -> Iterator[str]:
-        for name in sorted(x.keys() | y.keys()):
-            if name not in x or name not in y:
-                yield f"{where}/{name}: {kind} of one only"
-            elif x[name].dtype != y[name].dtype or x[name].shape != y[name].shape:
-                yield f"{where}/{name}: {x[name].dtype}{x[name].shape} and {y[name].dtype}{y[name].shape}"
-            elif not _bits_equal(x[name], y[name]):
-                yield f"{where}/{name}: values"
-
-    for node in (a, b):
-        node.set_auto_maskandscale(False)
-    yield from compare("attribute", attributes(a), attributes(b))
-    yield from compare(
-        "variable",
-        {n: v[...] for n, v in a.variables.items() if n not in TIMING},
-        {n: v[...] for n, v in b.variables.items() if n not in TIMING},
-    )
-    for name in sorted(a.groups.keys() | b.groups.keys()):
-        if name not in a.groups or name not in b.groups:
-            yield f"{where}/{name}: group of one only"
-        else:
-            yield from _differences(a[name], b[name], f"{where}/{name}")
-
-
-def _bits_equal(x: NDArray[Any], y: NDArray[Any]) -> bool:
-    return np.ascontiguousarray(x).tobytes() == np.ascontiguousarray(y).tobytes()

@@ -34,11 +34,12 @@ from mcdem import executors
 from mcdem.encounter import EncounterResult, simulate_encounter
 from mcdem.errors import DataFileError, UserError
 from mcdem.executors import Encounter
+from mcdem.files import locked
 from mcdem.foresight import Foresight
 from mcdem.pair_selection import Meeting, PairSelection, pair_selection
 from mcdem.population import Population, Product
 from mcdem.random_streams import checked
-from mcdem.record import Record, locked
+from mcdem.record import Record
 from mcdem.scene import Scene
 
 CHECKPOINT_EVERY = 60.0

@@ -32,7 +32,8 @@ from mcdem import simulate
 from mcdem.encounter import simulate_encounter
 from mcdem.errors import DataFileError, UserError
 from mcdem.executors import Encounter, local_processes
-from mcdem.record import locked, reached, write_text
+from mcdem.files import locked, write_text
+from mcdem.record import reached
 from mcdem.scene import Scene
 
 STATES = ("waiting", "running", "done", "interrupted", "failed")

@@ -32,9 +32,9 @@ from mcdem.aggregate import Aggregate
 from mcdem.encounter import EncounterResult, simulate_encounter
 from mcdem.errors import DataFileError, UserError
 from mcdem.executors import Encounter
+from mcdem.files import locked
 from mcdem.morphology import aspect_ratio, second_moments, semi_axes
 from mcdem.random_streams import checked, stream
-from mcdem.record import locked
 from mcdem.runs import Run
 from mcdem.scene import Scene
 from pbekit.closures import Closure, grid_for

@@ -16,7 +16,8 @@ import netCDF4
 import numpy as np
 
 from mcdem.errors import DataFileError, UserError
-from mcdem.record import opened, replacing
+from mcdem.files import replacing
+from mcdem.record import opened
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

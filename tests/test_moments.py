@@ -9,11 +9,11 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import mcdem
+from mcdem.differences import identical
 from mcdem.effects import contact_force
 from mcdem.encounter import physics_of, scheme_of, springs_of
 from mcdem.errors import SceneError
 from mcdem.hydrodynamics.far_field import tensor_to_five
-from mcdem.record import identical
 from mcdem.runs import Run
 from mcdem.simulate import run
 from mcdem.stepping import state

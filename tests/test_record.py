@@ -15,9 +15,11 @@ import pytest
 import synthetic
 import xarray as xr
 
+from mcdem.differences import differences, identical
 from mcdem.encounter import OUTCOMES
 from mcdem.errors import DataFileError, UserError
-from mcdem.record import TIMING, differences, identical, locked
+from mcdem.files import locked
+from mcdem.record import TIMING
 from mcdem.simulate import run
 
 

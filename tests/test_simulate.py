@@ -22,10 +22,10 @@ import synthetic
 import xarray as xr
 
 from mcdem import simulate
+from mcdem.differences import differences
 from mcdem.errors import UserError
 from mcdem.foresight import BEGUN, PASSED, UNTOUCHED, Foresight, ready
 from mcdem.random_streams import stream
-from mcdem.record import differences
 from mcdem.scene import load_scene
 from mcdem.simulate import Process
 
@@ -379,7 +379,7 @@ def test_a_clock_that_jumps_does_not_touch_the_process(reference, tmp_path, monk
 
 def test_a_disk_that_fills_while_a_run_goes_is_told_and_costs_nothing(reference, tmp_path, monkeypatch):
     """The disk fills at the third writing: one clear line; what was written before is whole, and the run goes on from it."""
-    from mcdem import record
+    from mcdem import files
 
     path, writings = tmp_path / "run.nc", []
 
@@ -389,7 +389,7 @@ def test_a_disk_that_fills_while_a_run_goes_is_told_and_costs_nothing(reference,
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:
-        patch.setattr(record, "_to_disk", full)
+        patch.setattr(files, "_to_disk", full)
         patch.setattr(simulate, "SHARE_OF_WRITING", 1e9)
         with pytest.raises(
             UserError, match=r"cannot be written \(.*No space left.*intact.*--resume"

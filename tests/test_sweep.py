@@ -16,8 +16,8 @@ import synthetic
 import xarray as xr
 
 from mcdem import simulate
+from mcdem.differences import differences
 from mcdem.errors import UserError
-from mcdem.record import differences
 from mcdem.sweep import members, parse_setting, sweep
 
 SETTINGS = {"flow.viscosity": ["75 mPa s", "100 mPa s"], "population.initial": ["30", "50"]}

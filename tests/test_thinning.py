@@ -9,8 +9,8 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from mcdem.cli import app
+from mcdem.differences import differences
 from mcdem.errors import DataFileError, UserError
-from mcdem.record import differences
 from mcdem.runs import Run
 from mcdem.simulate import run
 from mcdem.thinning import DIGITS, rounded, thin
