@@ -315,8 +315,28 @@ def measure(
     """
     if settings[0].name != REFERENCE:
         raise ValueError("settings: the first must be the reference")
-    pool: Executor = executor or executors.Here()
     eta_ref, ref = float("nan"), list[Sample]()
+    for setting, eta, samples in sampled(scene, settings, pairs, seed, rays, executor, progress):
+        if setting.name == REFERENCE:
+            eta_ref, ref = eta, samples
+        yield price(setting, eta, samples, eta_ref, ref)
+
+
+def sampled(
+    scene: Scene,
+    settings: Sequence[Setting],
+    pairs: Sequence[Pair],
+    seed: int,
+    rays: int,
+    executor: Executor | None,
+    progress: Callable[[str, int, int], None],
+) -> Iterator[tuple[Setting, float, list[Sample]]]:
+    """Each setting with its eta_11 from `rays` directions and what came of every pair, one after another.
+
+    progress : called with the setting's name, and how many of its tasks are done of how many
+    """
+    pool: Executor = executor or executors.Here()
+    wanted = len(pairs) + 1
     for setting in settings:
         changed = setting.of(scene)
         # Compiled code and tables are not part of the price.
@@ -327,12 +347,10 @@ def measure(
         samples = []
         for task in tasks:
             samples.append(task.result())
-            progress(setting.name, len(samples), len(pairs) + 1)
+            progress(setting.name, len(samples), wanted)
         eta = capture.result()
-        progress(setting.name, len(pairs) + 1, len(pairs) + 1)
-        if setting.name == REFERENCE:
-            eta_ref, ref = eta, samples
-        yield price(setting, eta, samples, eta_ref, ref)
+        progress(setting.name, wanted, wanted)
+        yield setting, eta, samples
 
 
 def front(prices: Sequence[Price], error: Callable[[Price], float]) -> list[Price]:

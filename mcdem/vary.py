@@ -10,13 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcdem import executors
-from mcdem.cost import GIVEN, Pair, Sample, Setting, efficiency, follow
+from mcdem.cost import GIVEN, Pair, Sample, Setting, sampled
 from mcdem.encounter import OUTCOMES
 from mcdem.scene import Scene
 from mcdem.sweep import toml_value
@@ -97,21 +95,8 @@ def vary(
 
     progress : called with the setting's name, and how many of its tasks are done of how many
     """
-    pool: Executor = executor or executors.Here()
     eta_given, given = float("nan"), list[Sample]()
-    wanted = len(pairs) + 1
-    for setting in settings:
-        changed = setting.of(scene)
-        capture = pool.submit(efficiency, changed, rays)
-        tasks = [
-            pool.submit(partial(follow, changed, seed), number, pair) for number, pair in enumerate(pairs)
-        ]
-        samples = []
-        for task in tasks:
-            samples.append(task.result())
-            progress(setting.name, len(samples), wanted)
-        eta = capture.result()
-        progress(setting.name, wanted, wanted)
+    for setting, eta, samples in sampled(scene, settings, pairs, seed, rays, executor, progress):
         if not given:
             eta_given, given = eta, samples
         yield differences(setting, (eta_given, eta), given, samples)

@@ -19,6 +19,16 @@ SceneFile = Annotated[
 ]
 Dataset = Annotated[Path, typer.Argument(metavar="FILE", help="Dataset that `mcdem run` wrote (NetCDF).")]
 
+SampledRuns = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--from",
+        metavar="RUN",
+        help="Dataset of `mcdem run` whose late aggregates meet in the sample; may be repeated. "
+        "Without it a short run of the scene is made first.",
+    ),
+]
+
 
 def read_quantity(option: str, given: str, quantity: Quantity) -> float:
     """SI value of an option's text with a unit; raises `UserError` that names the option."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcdem.commands import SceneFile
+from mcdem.commands import SampledRuns, SceneFile
 from mcdem.errors import UserError
 
 if TYPE_CHECKING:
@@ -23,15 +23,7 @@ WIDTH = 130
 
 def cost(
     scene: SceneFile,
-    runs: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--from",
-            metavar="RUN",
-            help="Dataset of `mcdem run` whose late aggregates meet in the sample; may be repeated. "
-            "Without it a short run of the scene is made first.",
-        ),
-    ] = None,
+    runs: SampledRuns = None,
     output: Annotated[
         Path | None,
         typer.Option(
