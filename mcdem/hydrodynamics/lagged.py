@@ -22,7 +22,7 @@ from numba import njit
 from mcdem.hydrodynamics import stokesian
 from mcdem.hydrodynamics.far_field import five_tensor, tensor_to_five
 from mcdem.hydrodynamics.mobility_product import apply_mobility
-from mcdem.linear_algebra import solve_cholesky
+from mcdem.linear_algebra import add_product, add_transposed_product, multiply_symmetric, solve_lower
 
 # Number of primaries from which keeping a far field costs less than a new one.
 LAG_PAYS = 8
@@ -40,7 +40,8 @@ class Lagged(NamedTuple):
     moments: np.ndarray  # (2, 11N) of the last two steps, newest first
     foreseen: np.ndarray  # (11N,) of this step
     still: np.ndarray  # (11N,) of spheres held still in this one, as far as known
-    answer: np.ndarray  # (11N,) work space
+    answer: np.ndarray  # (11N,) work space, as is
+    half: np.ndarray  # (6N,)
     positions: np.ndarray  # (N, 3)
     turns: np.ndarray  # (N, 3, 3) rotation of each sphere's body since then
     together: np.ndarray  # (N,) work space
@@ -59,6 +60,7 @@ def new_lagged(n: int) -> Lagged:
         np.empty(11 * n),
         np.empty(11 * n),
         np.empty(11 * n),
+        np.empty(6 * n),
         np.empty((n, 3)),
         np.empty((n, 3, 3)),
         np.empty(n, np.int64),
@@ -273,6 +275,25 @@ def misfit(kept, strain, correct, out):
 
 
 @njit(cache=True)
+def apply_kept(kept, work, rates, strained):
+    """Overwrite rates (11N,) by the moments B rates; strained : False if those of the stresslets are zero.
+
+    The kept resistance is the inverse of what is left of M without stresslets: one product with it takes the place of
+    two solves with the rows of torques and forces of the factor.
+    """
+    m = 5 * kept.positions.shape[0]
+    strains, others, moments = rates[:m], rates[m:], kept.half
+    own, coupling = work.mobility[:m, :m], work.mobility[m:, :m]
+    if strained:
+        solve_lower(own, strains, False)
+        add_product(coupling, strains, others, -1.0)
+    multiply_symmetric(kept.resistance, others, moments)
+    others[:] = moments
+    add_transposed_product(coupling, moments, strains, -1.0)
+    solve_lower(own, strains, True)
+
+
+@njit(cache=True)
 def hold_still(kept, work, radii, positions, strain, correct, share):
     """Moments of spheres held still in the strain (3, 3) into `kept.still`, and their drive into `work.drive`.
 
@@ -291,7 +312,7 @@ def hold_still(kept, work, radii, positions, strain, correct, share):
         moments_as_rows(kept, kept.foreseen, kept.rows)
         apply_mobility(kept.places, radii, kept.rows, kept.rates)
     misfit(kept, strain, correct, kept.still)
-    solve_cholesky(work.mobility, kept.still)
+    apply_kept(kept, work, kept.still, True)
     if correct:
         for k in range(11 * n):
             kept.still[k] += kept.foreseen[k]
@@ -318,7 +339,7 @@ def learn(kept, work, angular, linear):
                 drift += turn[k, p] * linear[3 * i + k]
             answer[5 * n + 3 * i + p] = spin
             answer[8 * n + 3 * i + p] = drift
-    solve_cholesky(work.mobility, answer)
+    apply_kept(kept, work, answer, False)
     for k in range(11 * n):
         kept.moments[1, k] = kept.moments[0, k]
         kept.moments[0, k] = kept.still[k] + answer[k]

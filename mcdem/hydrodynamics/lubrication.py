@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from mcdem.hydrodynamics.far_field import basis_contract, five_tensor
-from mcdem.hydrodynamics.two_sphere import LubricationTable, lubrication_scalars
+from mcdem.hydrodynamics.two_sphere import LubricationTable, first_columns, lubrication_scalars
 
 # How the scalars of the pairs 21 and 22 follow from those of 12 and 11 when the spheres change places: Y^B, X^G and
 # Y^G change sign with d, the others do not (order XA YA YB XC YC XG YG YH XM YM ZM).
@@ -20,6 +20,9 @@ _ODD = (2, 5, 6)
 _POWERS = (1, 1, 2, 3, 3, 2, 2, 3, 3, 3, 3)
 RAW = 44
 """Length of the work space of `pair_scalars`."""
+FAMILIES = 11
+# All but X^M, Y^M and Z^M, which give stresslets alone.
+FAMILIES_OF_MOTION = 8
 
 
 @njit(cache=True)
@@ -32,12 +35,27 @@ def pair_scalars(gap, a1, a2, table, raw, scalars):
 
 
 @njit(cache=True)
+def motion_scalars(gap, a1, a2, table, raw, scalars):
+    """`pair_scalars` of the functions that resistance and drive are made of, scalars[:FAMILIES_OF_MOTION]."""
+    motion_scalars_of_species(gap, a1, a2, table, table.single, table.radii, raw, scalars)
+
+
+@njit(cache=True)
 def scalars_of_species(gap, a1, a2, table, single, radii, raw, scalars):
     """`pair_scalars`, by whether the suspension has several radii; what is None is left out, an else would not be."""
     if radii is not None:
         unequal_scalars(gap, a1, a2, table, radii, raw, scalars)
     if single is not None:
-        equal_scalars(gap, table, raw, scalars)
+        equal_scalars(gap, table, FAMILIES, raw, scalars)
+
+
+@njit(cache=True)
+def motion_scalars_of_species(gap, a1, a2, table, single, radii, raw, scalars):
+    """`motion_scalars` likewise; their number is written out, since the compiler is to know it."""
+    if radii is not None:
+        unequal_scalars(gap, a1, a2, table, radii, raw, scalars)
+    if single is not None:
+        equal_scalars(gap, table, FAMILIES_OF_MOTION, raw, scalars)
 
 
 @njit(cache=True)
@@ -77,16 +95,18 @@ def unequal_scalars(gap, a1, a2, table, radii, raw, scalars):
             scalars[family, place] = unit * raw[4 * family + (3 - place if swapped else place)]
 
 
-@njit(cache=True)
-def equal_scalars(gap, table, raw, scalars):
-    """`pair_scalars` of two equal spheres, in units of their radius."""
-    lubrication_scalars(gap, table, raw)
-    for family in range(11):
-        scalars[family, 0] = scalars[family, 3] = raw[2 * family]
-        scalars[family, 1] = scalars[family, 2] = raw[2 * family + 1]
-    for family in _ODD:
-        scalars[family, 2] = -scalars[family, 2]
-        scalars[family, 3] = -scalars[family, 3]
+@njit(cache=True, inline="always")
+def equal_scalars(gap, table, families, raw, scalars):
+    """`pair_scalars` of two equal spheres, in units of their radius.
+
+    Inlined, so that the number of families is known and values go from register to register: read back from memory in other
+    groups than they were written in, they cost three times as much as all that computes them.
+    """
+    first_columns(gap, table, 2 * families, raw)
+    for family in range(families):
+        sign = -1.0 if family in _ODD else 1.0
+        scalars[family, 0], scalars[family, 1] = raw[2 * family], raw[2 * family + 1]
+        scalars[family, 2], scalars[family, 3] = sign * raw[2 * family + 1], sign * raw[2 * family]
 
 
 @njit(cache=True, inline="always")

@@ -29,6 +29,7 @@ from numba import njit
 from mcdem.hydrodynamics import far_field, lubrication
 from mcdem.linear_algebra import (
     add_product,
+    add_transposed_product,
     cholesky,
     inverse_from_cholesky,
     solve_cholesky,
@@ -175,8 +176,8 @@ def add_lubrication(work, radii, strain, cutoff, shifted, table):
             true_gap = work.distances[i, j] - radii[i] - radii[j]
             gap = max(true_gap, cutoff)
             shift = gap - true_gap if shifted else 0.0
-            lubrication.pair_scalars(gap, radii[i], radii[j], table, work.raw, work.scalars)
-            d = work.directions[j, i]
+            lubrication.motion_scalars(gap, radii[i], radii[j], table, work.raw, work.scalars)
+            d = (work.directions[j, i, 0], work.directions[j, i, 1], work.directions[j, i, 2])
             lubrication.add_pair_resistance(work.scalars, i, j, d, work.resistance)
             lubrication.add_pair_drive(work.scalars, i, j, d, strain, shift, work.drive)
 
@@ -208,12 +209,8 @@ def reduce_drive(resistance, drive):
 def angular_velocities(resistance, drive, linear, angular):
     """omega - omega_inf (3N,) of torque-free spheres from u - u_inf (3N,), after `reduce_drive`."""
     m = resistance.shape[0] // 2
-    coupling = resistance[m:, :m]
-    for k in range(m):
-        total = drive[k]
-        for row in range(m):
-            total -= coupling[row, k] * linear[row]
-        angular[k] = total
+    angular[:] = drive[:m]
+    add_transposed_product(resistance[m:, :m], linear, angular, -1.0)
     solve_lower(resistance[:m, :m], angular, True)
 
 
@@ -230,9 +227,7 @@ def exerted_stresslets(work, radii, rates, strain_five, cutoff, table, out):
     add_product(coupling, work.straining, far, 1.0)
     solve_cholesky(work.mobility[5 * n :, 5 * n :], far)
     five = work.straining
-    for row in range(6 * n):
-        for k in range(5 * n):
-            five[k] += coupling[row, k] * far[row]
+    add_transposed_product(coupling, far, five, 1.0)
     for k in range(5 * n):
         five[k] = -five[k]
     solve_lower(work.mobility[: 5 * n, : 5 * n], five, True)

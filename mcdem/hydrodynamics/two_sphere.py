@@ -241,6 +241,12 @@ def _tabulate(ratio: float) -> LubricationTable:
 @njit(cache=True)
 def lubrication_scalars(gap: float, table: LubricationTable, out: np.ndarray) -> None:
     """Fill out[:columns] with the differences at this gap; gaps below `smallest_gap`, overlap too, count as that."""
+    first_columns(gap, table, table.coefficients.shape[2], out)
+
+
+@njit(cache=True, inline="always")
+def first_columns(gap, table, columns, out):
+    """`lubrication_scalars` of the first columns alone; several at once where the compiler knows their number."""
     h = table.smallest_gap if gap < table.smallest_gap else gap  # lets NaN through
     r = table.contact + h
     y = table.contact / r
@@ -249,7 +255,9 @@ def lubrication_scalars(gap: float, table: LubricationTable, out: np.ndarray) ->
     t = place - interval
     decay = y * y * y * y * y * y
     divergence = r / h - 1.0
-    c = table.coefficients[interval]
-    for column in range(c.shape[1]):
-        value = c[0, column] + t * (c[1, column] + t * (c[2, column] + t * c[3, column]))
+    c = table.coefficients
+    for column in range(columns):
+        value = c[interval, 0, column] + t * (
+            c[interval, 1, column] + t * (c[interval, 2, column] + t * c[interval, 3, column])
+        )
         out[column] = value * decay * (1.0 + divergence * table.squeezed[column])

@@ -20,7 +20,7 @@ from numba import njit
 from mcdem.effects import contact_equilibrium, contact_force, contact_pull_off_force, non_contact_force
 from mcdem.hydrodynamics import stokesian
 from mcdem.hydrodynamics.far_field import five_tensor, tensor_to_five
-from mcdem.linear_algebra import cholesky, solve_cholesky
+from mcdem.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
 from mcdem.stepping.bodies import rotation
 from mcdem.stepping.contacts import FORCE_RANGE
 from mcdem.stepping.state import harmonic_radius
@@ -238,7 +238,7 @@ def analyse(
     modes = rigid_modes(positions)
     pulled = np.zeros((6, m))
     for mode in range(6):
-        symmetric_product(matrix, modes[mode], pulled[mode])
+        multiply_symmetric(matrix, modes[mode], pulled[mode])
     grand = np.zeros((6, 6))
     # Spheres free to turn do not resist that a doublet spins about its own axis, and dragged each by itself not even by
     # rounding, which may have either sign: a small addition leaves that spin at zero.
@@ -260,7 +260,7 @@ def analyse(
                     + tensor[c, 1] * positions[i, 1]
                     + tensor[c, 2] * positions[i, 2]
                 )
-        symmetric_product(matrix, relative, load)
+        multiply_symmetric(matrix, relative, load)
         for row in range(m):
             load[row] -= drive[m + row]
         for p in range(6):
@@ -342,8 +342,8 @@ def add_two_body_all(work, radii, unit, drives, cutoff, shifted, table):
                 true_gap = work.distances[i, j] - radii[i] - radii[j]
                 gap = max(true_gap, cutoff)
                 shift = gap - true_gap if shifted else 0.0
-                stokesian.lubrication.pair_scalars(gap, radii[i], radii[j], table, work.raw, work.scalars)
-                d = work.directions[j, i]
+                stokesian.lubrication.motion_scalars(gap, radii[i], radii[j], table, work.raw, work.scalars)
+                d = (work.directions[j, i, 0], work.directions[j, i, 1], work.directions[j, i, 2])
                 stokesian.lubrication.add_pair_resistance(work.scalars, i, j, d, work.resistance)
                 for k in range(5):
                     five_tensor(unit[k], tensor)
@@ -372,18 +372,6 @@ def rigid_modes(positions):
         modes[4, 3 * i], modes[4, 3 * i + 2] = z, -x
         modes[5, 3 * i], modes[5, 3 * i + 1] = -y, x
     return modes
-
-
-@njit(cache=True)
-def symmetric_product(matrix, vector, out):
-    """out = matrix vector from the lower triangle of matrix (m, m)."""
-    out[:] = 0.0
-    for row in range(matrix.shape[0]):
-        total = matrix[row, row] * vector[row]
-        for column in range(row):
-            total += matrix[row, column] * vector[column]
-            out[column] += matrix[row, column] * vector[row]
-        out[row] += total
 
 
 @njit(cache=True)

@@ -29,7 +29,7 @@ from mcdem.effects import (
 from mcdem.effects.tangential import STUCK, turn_map
 from mcdem.hydrodynamics import stokesian
 from mcdem.hydrodynamics.far_field import five_tensor, tensor_to_five
-from mcdem.linear_algebra import cholesky, solve_cholesky
+from mcdem.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
 from mcdem.stepping.contacts import FORCE_RANGE
 from mcdem.stepping.moments import (
     add_loads,
@@ -48,7 +48,6 @@ from mcdem.stepping.rigid import (
     of_sphere,
     rigid_resistance,
     squared_radius,
-    symmetric_product,
 )
 from mcdem.stepping.state import harmonic_radius
 
@@ -314,7 +313,7 @@ def analyse_with_moments(work, positions, bonded, springs, radii, physics, coupl
     add_two_body_all(work, radii, unit, drives, physics.cutoff, physics.shifted, table)
     pulled, grand = np.zeros((6, 2 * m)), np.zeros((6, 6))
     for mode in range(6):
-        symmetric_product(work.resistance, modes[mode], pulled[mode])
+        multiply_symmetric(work.resistance, modes[mode], pulled[mode])
     if not rigid_resistance(modes, pulled, 0.0, grand):
         return FAILED, body
     relative, load, motion = np.empty(2 * m), np.empty(2 * m), np.empty(6)
@@ -326,7 +325,7 @@ def analyse_with_moments(work, positions, bonded, springs, radii, physics, coupl
             for c in range(3):
                 for e in range(3):
                     relative[m + 3 * i + c] -= tensor[c, e] * positions[i, e]
-        symmetric_product(work.resistance, relative, load)
+        multiply_symmetric(work.resistance, relative, load)
         for row in range(2 * m):
             load[row] -= drives[k, row]
         for p in range(6):
