@@ -23,7 +23,7 @@ def smooth(**changes):
         {
             "effects.van_der_waals.hamaker_constant": "1e-60 J",
             "hydrodynamics.lubrication_cutoff": 0.0,
-            "numerics.rotations": 1,
+            "numerics.rotations": 3,  # long enough for a streamline of y0 = 0.5 a to leave on
             "numerics.separation": 0.0,
             "numerics.far_approach": 0.0,
         }

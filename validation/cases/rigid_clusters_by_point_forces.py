@@ -116,7 +116,9 @@ def judge(context: Context, found):
             checks.append(below(f"{name}: {what}, largest relative error", error, 0.015, gap=GAP_OF_METHOD))
         if "rates" in numbers:
             mine, theirs = (axis_ratio(rates) for rates in numbers["rates"])
-            checks.append(near(f"{name}: equivalent axis ratio", mine, theirs, rel=0.015))
+            # Of a chain of 4 finer point forces leave the exact ratio, 3.689, where it is: the difference is the method's own.
+            gap = GAP_OF_METHOD if name == "chain of 4" else ""
+            checks.append(near(f"{name}: equivalent axis ratio", mine, theirs, rel=0.015, gap=gap))
     doublet = found["doublet"]
     ratio = axis_ratio(doublet["rates"][0])
     checks += [
@@ -159,5 +161,5 @@ CASE = Case(
     seen=("strain_sign", "no_lubrication"),
     expected=Verdict.known_gap,
     because="Stokesian dynamics' own error is shown: the drag of a touching square comes out 1.7 % high and that of a "
-    "tetrahedron 2.5 %; doublets are exact, chains and triangles within 1.5 %",
+    "tetrahedron 2.5 %, a chain of 4 turns as a spheroid 2 % too short; doublets are exact, all else is within 1.5 %",
 )
