@@ -291,6 +291,16 @@ def test_a_check_without_verdict_is_shown_with_a_dash():
     assert report.number(math.nan) == "–"
     assert report.expectation(Check("x", 1.0, low=0.5)) == "at least 0.5"
     assert report.expectation(shown("x", 1.0)) == ""
+    assert report.expectation(shown("x", 1.0, expected=2.0)) == "beside 2"
+
+
+def test_a_number_is_written_to_the_digits_that_its_tolerance_tells_apart():
+    fine = near("x", 0.73243604, 0.7324360, abs=2e-6)
+    assert (report.result(fine), report.expectation(fine)) == ("0.732436", "0.732436 ± 2e-06")
+    coarse = near("x", 0.6451234, 0.645, abs=5e-4, error=1.2345e-4)
+    assert report.result(coarse) == "0.6451 ± 0.00012"
+    assert report.result(near("x", math.nan, 1.0, abs=1e-6)) == "–"
+    assert report.result(near("x", 0.0, 0.0, abs=1e-6)) == "0"
 
 
 # What the user gives

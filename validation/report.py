@@ -20,19 +20,33 @@ TEMPLATE = Path(__file__).with_name("report.html.j2")
 README = Path(__file__).with_name("README.md")
 
 
-def number(value: float | None) -> str:
-    """Four significant digits; a dash for nothing."""
+def number(value: float | None, scale: float = math.inf) -> str:
+    """Four significant digits, more where a difference of `scale` shows only then; a dash for nothing."""
     if value is None or math.isnan(value):
         return "–"
-    return "∞" if math.isinf(value) else f"{value:.4g}"
+    if math.isinf(value):
+        return "∞"
+    digits = 4
+    if value and 0.0 < scale < math.inf:
+        digits = min(max(digits, math.ceil(math.log10(abs(value) / scale))), 10)
+    return f"{value:.{digits}g}"
+
+
+def result(check: Check) -> str:
+    """What was measured, with its error, to the digits that its range tells apart."""
+    within = check.high - check.expected if check.judged and check.expected is not None else math.inf
+    return number(check.measured, within) + (f" ± {check.error:.2g}" if check.error else "")
 
 
 def expectation(check: Check) -> str:
-    """The range that a check allows, in words."""
-    if not check.judged or math.isnan(check.measured):
+    """The range that a check allows, in words; for a number that is not judged, what it is shown beside."""
+    if math.isnan(check.measured):
         return ""
+    if not check.judged:
+        return "" if check.expected is None else f"beside {number(check.expected)}"
     if check.expected is not None:
-        return f"{number(check.expected)} ± {number(check.high - check.expected)}"
+        within = check.high - check.expected
+        return f"{number(check.expected, within)} ± {within:.2g}"
     if math.isinf(check.low):
         return f"at most {number(check.high)}"
     if math.isinf(check.high):
@@ -66,7 +80,7 @@ def html(outcomes: list[Outcome], title: str, way: str | None = None) -> str:
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
-    environment.filters["number"] = number
+    environment.filters["result"] = result
     environment.filters["expectation"] = expectation
     chapters = [
         (number, words, [o for o in outcomes if o.case.chapter == number])
@@ -130,7 +144,7 @@ def measured(outcome: Outcome) -> str:
     check = judged[0]
     agreeing = sum(c.verdict == Verdict.agrees for c in outcome.findings.checks)
     every = sum(c.verdict is not None for c in outcome.findings.checks)
-    said = f"{check.quantity}: {number(check.measured)}{' ' + check.unit if check.unit else ''}"
+    said = f"{check.quantity}: {result(check)}{' ' + check.unit if check.unit else ''}"
     if expected := expectation(check):
         said += f" ({expected})"
     return f"{said}; {agreeing} of {every} checks agree"

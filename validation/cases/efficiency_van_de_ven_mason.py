@@ -1,4 +1,4 @@
-"""eta_11 over five decades of attraction, with full lubrication and with the paper's cut-off."""
+"""eta_11 over six decades of attraction, with full lubrication and with cut-offs from 1e-4 to 2e-2."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import math
 
 import numpy as np
 
-from mcdem.figures.style import BLUE, VERMILION, canvas, legend
-from validation.case import Case, Context, Findings, between, near, shown
+from mcdem.figures.style import CYCLE, MARKERS, canvas, legend
+from validation.case import Case, Context, Findings, above, between, near, shown
 
 ATTRACTION = (1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
 QUICK = (1e-6, 1e-5, 1e-4, 1e-2)
-CUTOFFS = (0.0, 5e-3)
+PAPER = 5e-3
+CUTOFFS, QUICK_CUTOFFS = (0.0, 1e-4, 1e-3, PAPER, 1e-2, 2e-2), (0.0, PAPER)
+FINEST = 1e-4
 LAW_HOLDS = (1e-4, 1e-2)
 
 
@@ -32,7 +34,8 @@ def scene(attraction: float, cutoff: float):
 
 def parts(context: Context):
     wanted = QUICK if context.quick else ATTRACTION
-    named = {f"delta {delta:g}, C_A {c:g}": [delta, c] for delta in CUTOFFS for c in wanted}
+    cutoffs = QUICK_CUTOFFS if context.quick else CUTOFFS
+    named = {f"delta {delta:g}, C_A {c:g}": [delta, c] for delta in cutoffs for c in wanted}
     return named | {"critical offset": None}
 
 
@@ -78,7 +81,8 @@ def critical_offset():
 def judge(context: Context, found):
     refined, offset, exact = found.pop("critical offset")
     rows = np.array(list(found.values()))
-    full, cut = (rows[rows[:, 0] == delta] for delta in CUTOFFS)
+    by_cutoff = {delta: rows[rows[:, 0] == delta] for delta in np.unique(rows[:, 0])}
+    full, cut = by_cutoff[0.0], by_cutoff[PAPER]
     said = "critical offset at x0 = 0, 1000 Pa, full lubrication"
     checks = [
         near(f"{said}, fine step, no shortcuts, over the exact one", refined / exact, 1.0, abs=5e-4),
@@ -100,25 +104,28 @@ def judge(context: Context, found):
         if attraction >= 1e-4:
             checks.append(near(f"cut-off over full lubrication, C_A = {attraction:g}", other / efficiency, 1.0, abs=0.01,
                                why="at such C_A capture is decided outside the cut-off"))  # fmt: skip
+    where = {delta: some[np.isclose(some[:, 1], 1e-6), 2].item() for delta, some in by_cutoff.items()}
+    for delta, efficiency in where.items():
+        said = f"delta = {delta:g} over full lubrication, C_A = 1e-6"
+        ratio = efficiency / where[0.0]
+        if delta == FINEST:
+            checks.append(near(said, ratio, 1.0, abs=0.02, why="its gap, 0.05 nm, is below l0"))
+        elif delta:
+            checks.append(shown(said, ratio))
+    rising = np.diff([where[delta] for delta in sorted(where)])
+    checks.append(
+        above("least gain of eta_11 from one cut-off to the next wider, C_A = 1e-6", rising.min(), -1e-3)
+    )
 
     def draw():
-        figure, axes = canvas(width=4.5, height=3.0)
+        figure, axes = canvas(width=4.8, height=3.2)
         wide = np.geomspace(1e-7, 1e-1, 50)
         axes.loglog(wide, 0.95 * wide**0.18, "k--", label="0.95 C_A^0.18 (Eq. 23)")
-        for some, colour, marker, label in (
-            (full, BLUE, "o", "full lubrication"),
-            (cut, VERMILION, "s", "cut-off δ = 5e-3"),
-        ):
+        for k, (delta, some) in enumerate(by_cutoff.items()):
             axes.errorbar(
-                some[:, 1],
-                some[:, 2],
-                yerr=some[:, 3],
-                fmt=marker,
-                ms=4,
-                mfc="none",
-                color=colour,
-                label=label,
-            )
+                some[:, 1], some[:, 2], yerr=some[:, 3], fmt=MARKERS[k % len(MARKERS)], ms=4, mfc="none",
+                color=CYCLE[k % len(CYCLE)], label=f"cut-off δ = {delta:g}" if delta else "full lubrication",
+            )  # fmt: skip
         axes.axvspan(7e-7, 9.2e-7, color="0.85", label="the paper, 750 - 1000 Pa")
         axes.set(xlabel="C_A = A_H / 36 π μ g a³", ylabel="η₁₁")
         legend(axes)

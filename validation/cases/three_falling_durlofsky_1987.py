@@ -69,7 +69,7 @@ def judge(context: Context, paths):
             )
         axes.plot(*points.T, "k.", ms=3, label="published")
         axes.set(xlabel="x / a", ylabel="depth / a")
-        legend(axes)
+        legend(axes, loc="lower left")
         return figure
 
     return Findings(tuple(checks), draw, "Three spheres fall from a horizontal row.")
