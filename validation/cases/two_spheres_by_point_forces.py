@@ -76,8 +76,7 @@ def judge(context: Context, found):
 
 CASE = Case(
     chapter=1,
-    claim="All 44 resistance functions of two spheres, unequal ones too, are those of an independent method; those across the "
-    "line grow at contact as lubrication theory says.",
+    claim="All 44 resistance functions of two spheres, unequal ones too, are those of an independent method.",
     source="point forces inside the spheres, collocated on their surfaces (own, validation/exact/point_forces.py); logarithms "
     "of sliding and rolling: Goldman, Cox & Brenner 1967, Jeffrey & Onishi 1984",
     tolerance="2e-5 of the largest: how well 250 point forces a sphere meet the boundary condition at gaps of 0.6 a; nearer, "
