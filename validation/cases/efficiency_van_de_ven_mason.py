@@ -128,7 +128,7 @@ def judge(context: Context, found):
             )  # fmt: skip
         axes.axvspan(7e-7, 9.2e-7, color="0.85", label="the paper, 750 - 1000 Pa")
         axes.set(xlabel="C_A = A_H / 36 π μ g a³", ylabel="η₁₁")
-        legend(axes)
+        legend(axes, loc="lower right")
         return figure
 
     return Findings(tuple(checks), draw, "Efficiency of two primaries in shear against attraction.")
