@@ -68,7 +68,7 @@ def explanation(outcome: Outcome) -> str:
     """Why a case does not agree; "open" where nobody knows."""
     if outcome.verdict == Verdict.agrees:
         return ""
-    if outcome.as_expected and outcome.case.because:
+    if outcome.as_expected and outcome.case.because and not outcome.read:
         return outcome.case.because
     reasons = [c.why or c.gap for c in outcome.findings.checks if c.verdict == outcome.verdict]
     told = "; ".join(dict.fromkeys(reason for reason in reasons if reason))
