@@ -184,11 +184,7 @@ def analyse(
     if n == 1:
         return RIGID, of_sphere(radii[0])
     body = empty_body(n)
-    count = 0
-    for i in range(n):
-        for j in range(i):
-            if bonded[i, j]:
-                count += 1
+    count = count_contacts(bonded)
     if count < 3 * n - 6 or count == 0:
         return FLOPPY, body
     stokesian.measure(positions, work.directions, work.distances)
@@ -201,10 +197,8 @@ def analyse(
             gap = work.distances[i, j] - radii[i] - radii[j]
             radius = harmonic_radius(radii[i], radii[j])
             if bonded[i, j]:
-                force, slope = contact_force(gap, radius, jkr, dmt)
-                _, stiff = contact_equilibrium(radius, jkr, dmt)
+                force, slopes[b] = linear_contact(gap, radius, jkr, dmt)
                 pairs[b, 0], pairs[b, 1] = i, j
-                slopes[b] = max(-slope, 0.02 * stiff)
                 rest[b] = -force
                 strength[b] = contact_pull_off_force(radius, jkr, dmt)
                 b += 1
@@ -223,22 +217,14 @@ def analyse(
 
     if stokesian.level_resistance(work, radii, coupled, stresslets) != 0:
         return FAILED, body
-    drives = np.empty((5, 6 * n))
-    unit = np.zeros((5, 5))
-    tensor = np.empty((3, 3))
-    for k in range(5):
-        unit[k, k] = 1.0
-        stokesian.level_drive(work, unit[k], stresslets)
-        drives[k] = work.drive
-    add_two_body_all(work, radii, unit, drives, cutoff, shifted, table)
+    unit, drives = np.eye(5), np.empty((5, 6 * n))
+    drive_by_strains(work, radii, unit, drives, cutoff, shifted, stresslets, table)
     if stokesian.eliminate_torques(work.resistance) != 0:
         return FAILED, body
     m = 3 * n
     matrix = work.resistance[m:, m:]
     modes = rigid_modes(positions)
-    pulled = np.zeros((6, m))
-    for mode in range(6):
-        multiply_symmetric(matrix, modes[mode], pulled[mode])
+    pulled = pull_of_modes(matrix, modes)
     grand = np.zeros((6, 6))
     # Spheres free to turn do not resist that a doublet spins about its own axis, and dragged each by itself not even by
     # rounding, which may have either sign: a small addition leaves that spin at zero.
@@ -246,55 +232,14 @@ def analyse(
     if not settled and not rigid_resistance(modes, pulled, 1e-12, grand):
         return FAILED, body
     response = np.zeros((count, 5))
-    relative, load, motion = np.empty(m), np.empty(m), np.empty(6)
-    rates = np.empty(6 * n)
-    five = np.empty((n, 5))
+    relative, load, rates = np.empty(m), np.empty(m), np.empty(6 * n)
     for k in range(5):
         drive = drives[k]
         stokesian.reduce_drive(work.resistance, drive)
-        five_tensor(unit[k], tensor)
-        for i in range(n):
-            for c in range(3):
-                relative[3 * i + c] = -(
-                    tensor[c, 0] * positions[i, 0]
-                    + tensor[c, 1] * positions[i, 1]
-                    + tensor[c, 2] * positions[i, 2]
-                )
-        multiply_symmetric(matrix, relative, load)
-        for row in range(m):
-            load[row] -= drive[m + row]
-        for p in range(6):
-            motion[p] = 0.0
-            for row in range(m):
-                motion[p] -= modes[p, row] * load[row]
-        solve_cholesky(grand, motion)
-        for p in range(6):
-            for row in range(m):
-                load[row] += motion[p] * pulled[p, row]
-                relative[row] += motion[p] * modes[p, row]
-        for c in range(3):
-            body.drift[c, k] = motion[c]
-            body.spin[c, k] = motion[3 + c]
+        move_as_body(matrix, positions, modes, pulled, grand, drive[m:], unit, k, body, relative, load)
         stokesian.angular_velocities(work.resistance, drive, relative, rates[:m])
         rates[m:] = relative
-        stokesian.level_drive(work, unit[k], stresslets)
-        stokesian.level_stresslets(work, radii, rates, unit[k], cutoff, stresslets, table, five)
-        moment = np.zeros((3, 3))
-        for i in range(n):
-            for c in range(5):
-                body.stresslet[c, k] += five[i, c]
-            for c in range(3):
-                for e in range(3):
-                    product = 0.5 * load[3 * i + c] * positions[i, e]
-                    moment[c, e] += product
-                    moment[e, c] += product
-        trace = (moment[0, 0] + moment[1, 1] + moment[2, 2]) / 3.0
-        for c in range(3):
-            moment[c, c] -= trace
-        extra = np.empty(5)
-        tensor_to_five(moment, extra)
-        for c in range(5):
-            body.stresslet[c, k] += extra[c]
+        add_stresslet(work, radii, positions, rates, load, cutoff, stresslets, table, unit, k, body)
         # Contacts supply the load: K displacement = -load.
         for row in range(m):
             load[row] = -load[row]
@@ -311,6 +256,106 @@ def analyse(
         strength,
         squared_radius(positions, radii),
     )
+
+
+@njit(cache=True)
+def count_contacts(bonded):
+    """Number of contacts of (N, N)."""
+    count = 0
+    for i in range(bonded.shape[0]):
+        for j in range(i):
+            if bonded[i, j]:
+                count += 1
+    return count
+
+
+@njit(cache=True)
+def linear_contact(gap, radius, jkr, dmt):
+    """(force, stiffness) of a contact at its gap; the stiffness is floored as in `contacts.contact_tangent`."""
+    force, slope = contact_force(gap, radius, jkr, dmt)
+    _, stiffness = contact_equilibrium(radius, jkr, dmt)
+    return force, max(-slope, 0.02 * stiffness)
+
+
+@njit(cache=True)
+def drive_by_strains(work, radii, unit, drives, cutoff, shifted, stresslets, table):
+    """What the strains `unit` (5, 5) drive, into drives (5, 6N); lubrication goes into the resistance as well."""
+    for k in range(5):
+        stokesian.level_drive(work, unit[k], stresslets)
+        drives[k] = work.drive
+    add_two_body_all(work, radii, unit, drives, cutoff, shifted, table)
+
+
+@njit(cache=True)
+def pull_of_modes(matrix, modes):
+    """Forces (6, m) that the fluid makes of each of the rigid motions `modes` (6, m)."""
+    pulled = np.zeros(modes.shape)
+    for mode in range(6):
+        multiply_symmetric(matrix, modes[mode], pulled[mode])
+    return pulled
+
+
+@njit(cache=True)
+def move_as_body(matrix, positions, modes, pulled, grand, drive, unit, k, body, relative, load):
+    """Rigid motion of a force-free body in strain k of `unit` (5, 5), into body.spin and body.drift.
+
+    matrix, modes, drive : resistance (m, m), rigid motions (6, m) and drive (m,); displacements of the spheres are the last 3P
+    relative, load : motion (m,) relative to the strain, and what the fluid asks of the contacts (m,)
+    """
+    tensor, motion = np.empty((3, 3)), np.empty(6)
+    five_tensor(unit[k], tensor)
+    m = relative.shape[0]
+    first = m - 3 * positions.shape[0]
+    relative[:first] = 0.0
+    for i in range(positions.shape[0]):
+        for c in range(3):
+            relative[first + 3 * i + c] = -(
+                tensor[c, 0] * positions[i, 0]
+                + tensor[c, 1] * positions[i, 1]
+                + tensor[c, 2] * positions[i, 2]
+            )
+    multiply_symmetric(matrix, relative, load)
+    for row in range(m):
+        load[row] -= drive[row]
+    for p in range(6):
+        motion[p] = 0.0
+        for row in range(m):
+            motion[p] -= modes[p, row] * load[row]
+    solve_cholesky(grand, motion)
+    for p in range(6):
+        for row in range(m):
+            load[row] += motion[p] * pulled[p, row]
+            relative[row] += motion[p] * modes[p, row]
+    for c in range(3):
+        body.drift[c, k] = motion[c]
+        body.spin[c, k] = motion[3 + c]
+
+
+@njit(cache=True)
+def add_stresslet(work, radii, positions, rates, load, cutoff, stresslets, table, unit, k, body):
+    """Add to body.stresslet what the body exerts on the fluid in strain k of `unit` (5, 5): of its spheres and of their forces.
+
+    rates : (turns | displacements) (6P,) relative to the strain;  load : the forces are its last 3P
+    """
+    n = radii.shape[0]
+    first = load.shape[0] - 3 * n
+    five, extra, moment = np.empty((n, 5)), np.empty(5), np.zeros((3, 3))
+    stokesian.level_drive(work, unit[k], stresslets)
+    stokesian.level_stresslets(work, radii, rates, unit[k], cutoff, stresslets, table, five)
+    for i in range(n):
+        for c in range(5):
+            body.stresslet[c, k] += five[i, c]
+        for c in range(3):
+            for e in range(3):
+                product = 0.5 * load[first + 3 * i + c] * positions[i, e]
+                moment[c, e] += product
+                moment[e, c] += product
+    trace = (moment[0, 0] + moment[1, 1] + moment[2, 2]) / 3.0
+    for c in range(3):
+        moment[c, c] -= trace
+    tensor_to_five(moment, extra)
+    for c in range(5):
+        body.stresslet[c, k] += extra[c]
 
 
 @njit(cache=True)

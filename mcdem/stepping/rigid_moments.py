@@ -19,8 +19,6 @@ import numpy as np
 from numba import njit
 
 from mcdem.effects import (
-    contact_equilibrium,
-    contact_force,
     contact_limits,
     contact_pull_off_force,
     contact_resistance,
@@ -28,8 +26,7 @@ from mcdem.effects import (
 )
 from mcdem.effects.tangential import STUCK, turn_map
 from mcdem.hydrodynamics import stokesian
-from mcdem.hydrodynamics.far_field import five_tensor, tensor_to_five
-from mcdem.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
+from mcdem.linear_algebra import cholesky, solve_cholesky
 from mcdem.stepping.contacts import FORCE_RANGE
 from mcdem.stepping.moments import (
     add_loads,
@@ -43,9 +40,15 @@ from mcdem.stepping.rigid import (
     FLOPPY,
     RIGID,
     RigidBody,
-    add_two_body_all,
+    add_stresslet,
+    count_contacts,
+    drive_by_strains,
     empty_body,
+    linear_contact,
+    move_as_body,
     of_sphere,
+    pull_of_modes,
+    rigid_modes,
     rigid_resistance,
     squared_radius,
 )
@@ -61,19 +64,14 @@ _TRIAL = 1e-9
 
 
 @njit(cache=True)
-def rigid_modes(positions):
+def modes_with_turns(positions):
     """Three translations and three rotations about the centre, (6, 6P), as (turns | displacements)."""
     n = positions.shape[0]
-    m = 3 * n
-    modes = np.zeros((6, 2 * m))
+    modes = np.zeros((6, 6 * n))
+    modes[:, 3 * n :] = rigid_modes(positions)
     for i in range(n):
         for k in range(3):
-            modes[k, m + 3 * i + k] = 1.0
             modes[3 + k, 3 * i + k] = 1.0
-        x, y, z = positions[i, 0], positions[i, 1], positions[i, 2]
-        modes[3, m + 3 * i + 1], modes[3, m + 3 * i + 2] = -z, y
-        modes[4, m + 3 * i], modes[4, m + 3 * i + 2] = z, -x
-        modes[5, m + 3 * i], modes[5, m + 3 * i + 1] = -y, x
     return modes
 
 
@@ -238,11 +236,7 @@ def analyse_with_moments(work, positions, bonded, springs, radii, physics, coupl
     m = 3 * n
     jkr, dmt = physics.jkr, physics.dmt
     laws = (physics.sliding, physics.rolling, physics.twisting, physics.rods)
-    count = 0
-    for i in range(n):
-        for j in range(i):
-            if bonded[i, j]:
-                count += 1
+    count = count_contacts(bonded)
     stokesian.measure(positions, work.directions, work.distances)
     pairs, slopes = np.empty((count, 2), np.int64), np.empty(count)
     maps, pair = np.empty((count, 7, 12)), new_pair()
@@ -256,10 +250,8 @@ def analyse_with_moments(work, positions, bonded, springs, radii, physics, coupl
             gap = distance - radii[i] - radii[j]
             radius = harmonic_radius(radii[i], radii[j])
             if bonded[i, j]:
-                force, slope = contact_force(gap, radius, jkr, dmt)
-                _, stiff = contact_equilibrium(radius, jkr, dmt)
+                force, slopes[b] = linear_contact(gap, radius, jkr, dmt)
                 pairs[b, 0], pairs[b, 1] = i, j
-                slopes[b] = max(-slope, 0.02 * stiff)
                 typical = max(typical, slopes[b])
                 code = contact_resistance(
                     springs[i, j],
@@ -295,7 +287,7 @@ def analyse_with_moments(work, positions, bonded, springs, radii, physics, coupl
             for k in range(3):
                 unbalanced[m + 3 * i + k] += force * direction[k]
                 unbalanced[m + 3 * j + k] -= force * direction[k]
-    modes = rigid_modes(positions)
+    modes = modes_with_turns(positions)
     if not factorise_network(stiffness, modes, typical):
         return FLOPPY, body
     solve_cholesky(stiffness, unbalanced)
@@ -304,59 +296,19 @@ def analyse_with_moments(work, positions, bonded, springs, radii, physics, coupl
 
     if stokesian.level_resistance(work, radii, coupled, stresslets) != 0:
         return FAILED, body
-    drives = np.empty((5, 2 * m))
-    unit, tensor = np.zeros((5, 5)), np.empty((3, 3))
-    for k in range(5):
-        unit[k, k] = 1.0
-        stokesian.level_drive(work, unit[k], stresslets)
-        drives[k] = work.drive
-    add_two_body_all(work, radii, unit, drives, physics.cutoff, physics.shifted, table)
-    pulled, grand = np.zeros((6, 2 * m)), np.zeros((6, 6))
-    for mode in range(6):
-        multiply_symmetric(work.resistance, modes[mode], pulled[mode])
+    unit, drives = np.eye(5), np.empty((5, 2 * m))
+    drive_by_strains(work, radii, unit, drives, physics.cutoff, physics.shifted, stresslets, table)
+    pulled, grand = pull_of_modes(work.resistance, modes), np.zeros((6, 6))
     if not rigid_resistance(modes, pulled, 0.0, grand):
         return FAILED, body
-    relative, load, motion = np.empty(2 * m), np.empty(2 * m), np.empty(6)
-    five, extra = np.empty((n, 5)), np.empty(5)
+    relative, load = np.empty(2 * m), np.empty(2 * m)
     for k in range(5):
-        five_tensor(unit[k], tensor)
-        relative[:] = 0.0
-        for i in range(n):
-            for c in range(3):
-                for e in range(3):
-                    relative[m + 3 * i + c] -= tensor[c, e] * positions[i, e]
-        multiply_symmetric(work.resistance, relative, load)
-        for row in range(2 * m):
-            load[row] -= drives[k, row]
-        for p in range(6):
-            motion[p] = 0.0
-            for row in range(2 * m):
-                motion[p] -= modes[p, row] * load[row]
-        solve_cholesky(grand, motion)
-        for p in range(6):
-            for row in range(2 * m):
-                load[row] += motion[p] * pulled[p, row]
-                relative[row] += motion[p] * modes[p, row]
-        for c in range(3):
-            body.drift[c, k] = motion[c]
-            body.spin[c, k] = motion[3 + c]
-        stokesian.level_drive(work, unit[k], stresslets)
-        stokesian.level_stresslets(work, radii, relative, unit[k], physics.cutoff, stresslets, table, five)
-        moment = np.zeros((3, 3))
-        for i in range(n):
-            for c in range(5):
-                body.stresslet[c, k] += five[i, c]
-            for c in range(3):
-                for e in range(3):
-                    product = 0.5 * load[m + 3 * i + c] * positions[i, e]
-                    moment[c, e] += product
-                    moment[e, c] += product
-        trace = (moment[0, 0] + moment[1, 1] + moment[2, 2]) / 3.0
-        for c in range(3):
-            moment[c, c] -= trace
-        tensor_to_five(moment, extra)
-        for c in range(5):
-            body.stresslet[c, k] += extra[c]
+        move_as_body(
+            work.resistance, positions, modes, pulled, grand, drives[k], unit, k, body, relative, load
+        )
+        add_stresslet(
+            work, radii, positions, relative, load, physics.cutoff, stresslets, table, unit, k, body
+        )
         # Contacts supply the load: K motion = -load.
         for row in range(2 * m):
             load[row] = -load[row]
