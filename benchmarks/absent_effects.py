@@ -1,30 +1,35 @@
 """What an effect costs that a scene does not name: nothing, to round-off and to 2 % of a step.
 
-For each direct force and contact law, with the same primaries and the rest of the scene as it is:
+For each direct force, contact law and resistance of contacts, with the same primaries and the rest of the scene as it is:
 
     zero     largest change of the velocities between the effect absent (None) and present with strength zero
-    absent   processor time of a step with the effect absent, over that of a build whose sources never had it
     felt     the same change for the strength that the scene gives, to show that these primaries feel the effect
-    present  processor time of a step with the effect present, over absent
+    step     processor time of a step with the effect absent
+    absent   that time over the one of a build whose sources never had the effect
+    added    processor time that the effect adds to a step when present
+    present  time of a step with the effect present, over absent
 
 The build that never had it is a copy of the package from which the effect's branch is cut wherever forces are added up; it
-runs in a process of its own.  The processes take turns of a few milliseconds; in each round every build's fastest turn counts,
-since what else runs on the machine can only add to it, and the ratio told is the median over the rounds, with half the
-interquartile range over the root of their number.  Steps are those of the explicit scheme with free draining, in which direct
-forces are most of the work: a share of a Stokesian step is smaller.
+runs in a process of its own, and moves the primaries alike to the last bit.  The builds take turns of a few milliseconds; in
+each round every build's fastest turn counts, since what else runs on the machine can only add to it, and a pair of processes
+tells the median over its rounds.  What is told is the mean over several pairs of processes, with its standard error.  Steps
+are those of the explicit scheme with free draining, in which direct forces are most of the work: a share of a Stokesian step
+is smaller.
 
 Resistances of contacts (sliding, rolling, twisting, rods) are followed by the implicit scheme alone and timed with it.  Present,
 they double the unknowns, since spheres then turn against torques: zero strength and absence are then two Newton iterations for
-one root, each ended by its own tolerance.  That they have the same root is shown by builds that iterate to 1e-14 a.
+one root, each ended by its own tolerance.  That they have the same root is shown by builds that iterate until a move is below
+TO_THE_END: rounding of a gap, 4e-16 a, times the stiffness of a contact over the drag of a step, is some 1e-13 a.
 `--level`, `--scheme` and `--effects` choose others; each pair of builds then compiles for minutes.
 
-    python benchmarks/absent_effects.py [--effects van_der_waals,jkr] [--rounds 40] > benchmarks/absent_effects.md
+    python benchmarks/absent_effects.py --save validation/data/absent_effects.csv > benchmarks/absent_effects.md
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import csv
 import json
 import os
 import shutil
@@ -36,7 +41,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-PRIMARIES, STEPS = 24, 100
+PRIMARIES = 24
 PAPER = ROOT / "scenes" / "paper-1000Pa.toml"
 # Table of each effect, and the tables of the paper's scene that have to go for it.
 EFFECTS = {
@@ -61,11 +66,12 @@ EFFECTS = {
 }
 RESISTANCES = ("sliding", "rolling", "twisting", "rods")
 # Where Newton's method ends, in a: file of the package, and the line that says so.
+TO_THE_END = 1e-12
 TOLERANCES = {
-    "stepping/implicit.py": ("CONVERGED = 1e-7", "CONVERGED = 1e-14"),
-    "stepping/moments.py": ("SETTLED = 1e-8", "SETTLED = 1e-14"),
+    "stepping/implicit.py": ("CONVERGED = 1e-7", f"CONVERGED = {TO_THE_END}"),
+    "stepping/moments.py": ("SETTLED = 1e-8", f"SETTLED = {TO_THE_END}"),
 }
-TURNS = 10
+TURNS, TURN = 6, 8e-3  # turns of a build in a round, and their processor time [s]
 # The field of each kernel that holds its strength.
 STRENGTH = {
     "van_der_waals": "strength",
@@ -127,7 +133,7 @@ class Steps:
         self.start, self.bonded = primaries(contacts)
 
     def run(self, steps: int):
-        """(velocities (N, 3) of the last step, processor time of a step)."""
+        """(velocities (N, 3) of the last step, processor time of a step [s], strain at its end)."""
         import numpy as np
 
         from mcdem.stepping import state
@@ -153,7 +159,7 @@ class Steps:
         code = march(*arguments, *limits)
         spent = time.process_time() - began
         assert code == state.TOO_MANY_STEPS, code
-        return motion.velocities, spent / steps
+        return motion.velocities, spent / steps, log.time[0]
 
 
 def without_strength(physics, effect: str):
@@ -168,7 +174,7 @@ def without_strength(physics, effect: str):
 
 
 def work(effect: str, scheme: str, level: str) -> None:
-    """Answer requests "absent N", "present N", "zero 1" by lines of JSON: [processor time of a step, velocities]."""
+    """Answer requests "absent N", "present N", "zero 1" by lines of JSON: [processor time of a step, velocities, strain]."""
     known: dict[str, Steps] = {}
     for line in sys.stdin:
         which, steps = line.split()
@@ -176,20 +182,20 @@ def work(effect: str, scheme: str, level: str) -> None:
             scene = scene_of(effect, which != "absent", scheme, level)
             known[which] = Steps(scene, effect if which == "zero" else "", effect not in ("born", "steric"))
             known[which].run(1)
-        velocities, spent = known[which].run(int(steps))
-        print(json.dumps([spent, velocities.tolist()]), flush=True)
+        velocities, spent, strain = known[which].run(int(steps))
+        print(json.dumps([spent, velocities.tolist(), strain]), flush=True)
 
 
 # The parent: builds, workers, table.
 
 
 class Cut(ast.NodeTransformer):
-    """Removes every `if EFFECT is not None:` of one effect; for a resistance of contacts, also what follows its springs."""
+    """Removes every `if EFFECT is not None:` of one effect; for a resistance, of all four, and what follows springs."""
 
     def __init__(self, effect: str):
         self.names, self.count = {effect}, 0
         if effect in RESISTANCES:
-            self.names |= {"springs", "torques"}
+            self.names |= {*RESISTANCES, "springs", "torques"}
 
     def visit_If(self, node: ast.If):
         self.generic_visit(node)
@@ -255,8 +261,8 @@ class Worker:
             cwd=ROOT,
         )
 
-    def ask(self, which: str, steps: int = STEPS):
-        """(processor time of a step [s], velocities (N, 3))."""
+    def ask(self, which: str, steps: int):
+        """(processor time of a step [s], velocities (N, 3), strain at its end)."""
         assert self.process.stdin is not None and self.process.stdout is not None
         self.process.stdin.write(f"{which} {steps}\n")
         self.process.stdin.flush()
@@ -278,61 +284,134 @@ def largest_change(one, other) -> float:
     return max(abs(a - b) for a, b in pairs) / max(abs(a) for a, _ in pairs)
 
 
-def zero_to_the_end(arguments: list[str], folder: Path) -> float:
+def zero_to_the_end(arguments: list[str], build: Path) -> float:
     """Change of the velocities between an effect absent and of strength zero, where iterations end at round-off."""
-    worker = Worker(build_to_the_end(folder), arguments)
+    worker = Worker(build, arguments)
     try:
-        return largest_change(worker.ask("absent", 1)[1], worker.ask("zero", 1)[1])
+        (_, absent, strain), (_, zero, other) = worker.ask("absent", 1), worker.ask("zero", 1)
+        if strain != other:
+            raise SystemExit("iterated to the end, a step is not taken at its full length")
+        return largest_change(absent, zero)
     finally:
         worker.close()
 
 
-def measure(effect: str, rounds: int, scheme: str, level: str) -> dict[str, float]:
-    """One row of the table."""
-    if effect in RESISTANCES:
-        scheme = "implicit"
-    with tempfile.TemporaryDirectory() as folder:
-        arguments = ["--effects", effect, "--scheme", scheme, "--level", level]
-        whole, cut = Worker(ROOT, arguments), Worker(build_without(effect, Path(folder)), arguments)
+def take_turns(whole: Worker, cut: Worker, rounds: int, shifted: int) -> dict[str, float]:
+    """Times of a step [s] with the effect absent and their ratios, medians over the rounds of one pair of processes."""
+    turns = [("absent", whole, "absent"), ("never", cut, "absent"), ("present", whole, "present")]
+    for _, worker, which in turns:
+        worker.ask(which, 1)  # compiles
+    # As many steps for each, since what a step costs changes on the way; where they take long, in fewer turns.
+    first = {name: worker.ask(which, 20)[0] for name, worker, which in turns}
+    steps = max(1, round(TURN / first["absent"]))
+    allowed = {name: max(1, round(TURNS * first["absent"] / first[name])) for name in first}
+    times: dict[str, list[float]] = {name: [] for name, _, _ in turns}
+    for number in range(rounds):
+        fastest = dict.fromkeys(times, float("inf"))
+        for turn in range(TURNS):
+            shift = (shifted + number + turn) % 3
+            for name, worker, which in turns[shift:] + turns[:shift]:
+                if turn < allowed[name]:
+                    fastest[name] = min(fastest[name], worker.ask(which, steps)[0])
+        for name, value in fastest.items():
+            times[name].append(value)
+    absent, never, present = times["absent"], times["never"], times["present"]
+    return {
+        "step": statistics.median(absent),
+        "absent": statistics.median(a / n for a, n in zip(absent, never, strict=True)),
+        "added": statistics.median(p - a for p, a in zip(present, absent, strict=True)),
+        "present": statistics.median(p / a for p, a in zip(present, absent, strict=True)),
+    }
+
+
+def scheme_for(effect: str, options: argparse.Namespace) -> str:
+    """The scheme whose steps are timed."""
+    return "implicit" if effect in RESISTANCES else str(options.scheme)
+
+
+def measure(effect: str, options: argparse.Namespace, folder: Path) -> dict[str, str | float]:
+    """One row of the table; `folder` keeps the builds."""
+    scheme = scheme_for(effect, options)
+    arguments = ["--effects", effect, "--scheme", scheme, "--level", options.level]
+    never_had, to_the_end = folder / ("none" if effect in RESISTANCES else effect), folder / "to_the_end"
+    if not never_had.exists():
+        build_without(effect, never_had)
+    if effect in RESISTANCES and not to_the_end.exists():
+        build_to_the_end(to_the_end)
+    row: dict[str, str | float] = {"effect": effect, "scheme": scheme, "level": options.level}
+    found = []
+    for number in range(options.processes):
+        whole, cut = Worker(ROOT, arguments), Worker(never_had, arguments)
         try:
-            absent, never = whole.ask("absent", 1)[1], cut.ask("absent", 1)[1]
-            present = whole.ask("present", 1)[1]
-            zero = (
-                largest_change(absent, whole.ask("zero", 1)[1])
-                if effect not in RESISTANCES
-                else zero_to_the_end(arguments, Path(folder) / "to_the_end")
-            )
-            times: dict[str, list[float]] = {"absent": [], "never": [], "present": []}
-            turns = [("absent", whole, "absent"), ("never", cut, "absent"), ("present", whole, "present")]
-            for number in range(rounds):
-                fastest = dict.fromkeys(times, float("inf"))
-                for turn in range(TURNS):
-                    shift = (number + turn) % 3
-                    for name, worker, which in turns[shift:] + turns[:shift]:
-                        fastest[name] = min(fastest[name], worker.ask(which)[0])
-                for name, value in fastest.items():
-                    times[name].append(value)
+            if number == 0:
+                absent = whole.ask("absent", 1)[1]
+                if largest_change(absent, cut.ask("absent", 1)[1]) != 0.0:
+                    raise SystemExit(f"{effect}: the build that never had it moves primaries otherwise")
+                row["zero"] = (
+                    zero_to_the_end(arguments, to_the_end)
+                    if effect in RESISTANCES
+                    else largest_change(absent, whole.ask("zero", 1)[1])
+                )
+                row["felt"] = largest_change(absent, whole.ask("present", 1)[1])
+            found.append(take_turns(whole, cut, options.rounds, number))
         finally:
             whole.close()
             cut.close()
-    ratios = [a / n for a, n in zip(times["absent"], times["never"], strict=True)]
-    quarters = statistics.quantiles(ratios, n=4)
-    return {
-        "zero": zero,
-        "never": largest_change(absent, never),
-        "felt": largest_change(absent, present),
-        "step": statistics.median(times["absent"]),
-        "absent": statistics.median(ratios),
-        "error": 0.5 * (quarters[2] - quarters[0]) / len(ratios) ** 0.5,
-        "present": statistics.median(p / a for p, a in zip(times["present"], times["absent"], strict=True)),
-    }
+    for name in found[0]:
+        values = [one[name] for one in found]
+        row[name] = statistics.mean(values)
+        if name != "step":
+            row[f"error_{name}"] = statistics.stdev(values) / len(values) ** 0.5
+    return row
+
+
+def told(row: dict[str, str | float]) -> str:
+    """A row of the table."""
+    value = {name: float(row[name]) for name in row if name not in ("effect", "scheme", "level")}
+    return (
+        f"| {row['effect']} | {value['zero']:.0e} | {value['felt']:.0e} | {1e6 * value['step']:.1f} "
+        f"| {value['absent']:.4f} ± {value['error_absent']:.4f} "
+        f"| {1e6 * value['added']:.2f} ± {1e6 * value['error_added']:.2f} "
+        f"| {value['present']:.3f} ± {value['error_present']:.3f} |"
+    )
+
+
+def kept_rows(options: argparse.Namespace) -> dict[str, dict[str, str | float]]:
+    """{effect: row} of the saved table, where it was measured with the scheme and level of these options."""
+    if options.save is None or not options.save.exists():
+        return {}
+    with options.save.open(newline="", encoding="utf-8") as file:
+        return {
+            row["effect"]: dict(row)
+            for row in csv.DictReader(file)
+            if (row["scheme"], row["level"]) == (scheme_for(row["effect"], options), options.level)
+        }
+
+
+def save_rows(path: Path | None, rows: dict[str, dict[str, str | float]]) -> None:
+    """Write the table, effects in their order."""
+    if path is None:
+        return
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, next(iter(rows.values())).keys(), lineterminator="\n")
+        writer.writeheader()
+        for effect in EFFECTS:
+            if effect in rows:
+                row = rows[effect].items()
+                writer.writerow({k: v if isinstance(v, str) else f"{v:.4g}" for k, v in row})
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--effects", default=",".join(EFFECTS))
-    parser.add_argument("--rounds", type=int, default=40)
+    parser.add_argument("--rounds", type=int, default=10, help="of each pair of processes")
+    parser.add_argument("--processes", type=int, default=4, help="pairs of processes")
+    parser.add_argument(
+        "--save",
+        type=Path,
+        help="CSV file of the table: rows are renewed, those of effects not measured now are kept",
+    )
     parser.add_argument("--scheme", choices=("paper", "implicit"), default="paper")
     parser.add_argument(
         "--level", choices=("free_draining", "rotne_prager", "fts", "stokesian"), default="free_draining"
@@ -345,24 +424,22 @@ def main() -> None:
     print("# What an effect costs that a scene does not name\n")
     print(
         f"By `{' '.join(['python benchmarks/absent_effects.py', *sys.argv[1:]])}`: {options.scheme} scheme (resistances of "
-        f"contacts: implicit), {options.level}, {PRIMARIES} primaries, median of {options.rounds} rounds. What the columns "
-        "are is told at the head of the program.\n"
+        f"contacts: implicit), {options.level}, {PRIMARIES} primaries, mean and standard error of {options.processes} pairs of "
+        "processes. What the columns are is told at the head of the program.\n"
     )
     print(
-        "| effect | strength zero against `None` | felt | step, µs | absent over never there | present over absent |"
+        "| effect | strength zero against `None` | felt | step, µs | absent over never there | added when present, µs "
+        "| present over absent |"
     )
-    print("|---|---|---|---|---|---|")
-    for effect in options.effects.split(","):
-        row = measure(effect, options.rounds, options.scheme, options.level)
-        if row["never"] != 0.0:
-            raise SystemExit(
-                f"{effect}: the build without it moves primaries otherwise, by {row['never']:.1e}"
-            )
-        print(
-            f"| {effect} | {row['zero']:.0e} | {row['felt']:.0e} | {1e6 * row['step']:.1f} "
-            f"| {row['absent']:.3f} ± {row['error']:.3f} | {row['present']:.2f} |",
-            flush=True,
-        )
+    print("|---|---|---|---|---|---|---|", flush=True)
+    rows = kept_rows(options)
+    with tempfile.TemporaryDirectory() as folder:
+        for effect in options.effects.split(","):
+            rows[effect] = measure(effect, options, Path(folder))
+            save_rows(options.save, rows)
+    for effect in EFFECTS:
+        if effect in rows:
+            print(told(rows[effect]))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from importlib import import_module
+from itertools import product
 
 import numpy as np
 import pint
@@ -52,6 +54,12 @@ def gaps(name):
 def test_every_effect_is_in_one_family():
     assert set(Effects.model_fields) == {*NON_CONTACT, *CONTACT, *RESISTANCE} - set(VARIANTS)
     assert set(TABLES) == set(Effects.model_fields)
+
+
+@pytest.mark.parametrize("name", list(TABLES))
+def test_every_effect_names_its_source_and_its_exact_or_limiting_test(name):
+    page = import_module(f"mcdem.effects.{name}").__doc__
+    assert re.search(r"^Source: ", page, re.M) and re.search(r"^(Exact|Limiting) tests?: ", page, re.M)
 
 
 @pytest.mark.parametrize("radius", [0.4, 1.0, 1.7])
@@ -143,17 +151,17 @@ def combined(names):
     return whole.effects.kernels(whole)
 
 
-@pytest.mark.parametrize(
-    "names",
-    [
-        ("van_der_waals",),
-        ("unretarded", "double_layer"),
-        ("van_der_waals", "constant_charge", "born"),
-        ("van_der_waals", "double_layer", "born", "steric"),
-        ("steric",),
-        (),
-    ],
-)
+def non_contact_combinations():
+    """Every set of forces between spheres not in contact that a scene may name."""
+    for attraction, layer in product(
+        (None, "van_der_waals", "unretarded"), (None, "double_layer", "constant_charge")
+    ):
+        for short in ((), ("born",), ("steric",), ("born", "steric")):
+            if attraction or "born" not in short:
+                yield (*filter(None, (attraction, layer)), *short)
+
+
+@pytest.mark.parametrize("names", list(non_contact_combinations()), ids="+".join)
 def test_forces_add(names):
     kernels = combined(names)
     for h in gaps("van_der_waals"):

@@ -26,6 +26,9 @@ RESISTANCES = [
     ("rolling",),
     ("twisting",),
     ("rods",),
+    ("sliding", "rolling"),
+    ("sliding", "twisting"),
+    ("rolling", "twisting"),
     ("sliding", "rolling", "twisting"),
     ("rods", "twisting"),
 ]

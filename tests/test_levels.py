@@ -7,7 +7,7 @@ import pytest
 from shapes import octahedron, stack_of_octahedra, tetrahedron
 
 import mcdem
-from mcdem.cost import level_changes
+from mcdem.cost import draw_pairs, level_changes
 from mcdem.encounter import OUTCOMES, physics_of, shortcuts_of
 from mcdem.hydrodynamics.far_field import tensor_to_five
 from mcdem.stepping import state
@@ -103,6 +103,15 @@ def test_primaries_of_free_draining_meet_as_their_straight_paths_do():
         # The gap is seen at steps of at most a tenth of a strain, where the pair moves by 0.1 y0 past the nearest point.
         nearest = np.hypot(x0, y0) - 2.0
         assert nearest <= passed.smallest_gap / RADIUS + 1e-9 <= nearest + (0.1 * y0) ** 2
+
+
+def test_encounters_of_a_run_come_to_a_named_end_in_free_draining():
+    """Without interactions nothing slows primaries down that attract each other: the hardest level to step through."""
+    scene = LEVELS["free_draining"]
+    pairs = draw_pairs(scene, ["notebooks/data/small-1000Pa.nc"], 20, seed=0)
+    found = [mcdem.simulate_encounter(scene, *pair, seed=k) for k, pair in enumerate(pairs)]
+    assert [(k, result.reason) for k, result in enumerate(found) if result.reason] == []
+    assert {result.outcome for result in found} == set(OUTCOMES[:-1])
 
 
 @pytest.mark.slow

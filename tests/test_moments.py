@@ -5,21 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from effects_family import scene
+from following import Follow, free_draining, untwisted
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import mcdem
 from mcdem.differences import identical
 from mcdem.effects import contact_force
-from mcdem.encounter import physics_of, scheme_of, springs_of
+from mcdem.encounter import springs_of
 from mcdem.errors import SceneError
 from mcdem.hydrodynamics.far_field import tensor_to_five
 from mcdem.runs import Run
 from mcdem.simulate import run
 from mcdem.stepping import state
-from mcdem.stepping.implicit import find_gaps, scratch
 from mcdem.stepping.integrate import analysed
-from mcdem.stepping.march import march, new_watch
 from mcdem.stepping.rigid import present_load, worst_load
 
 MONOMER = mcdem.Aggregate.monomer()
@@ -32,69 +31,6 @@ WELDED = {  # limits that nothing reaches
     "effects.rods.largest_displacement": "1 m",
     "effects.twisting.friction_coefficient": 1e9,
 }
-
-
-def free_draining(*names, **changes):
-    """A scene of these effects without hydrodynamic interactions, small steps."""
-    return scene(*names).with_changes(
-        {"hydrodynamics.level": "free_draining", "numerics.max_step": 0.05} | changes
-    )
-
-
-def untwisted(physics):
-    """Without resistance to twisting, in the compiled code of a scene that has it."""
-    return physics._replace(twisting=physics.twisting._replace(stiffness=0.0))
-
-
-class Follow:
-    """Primaries of a scene in its flow, or in fluid at rest, step by step without shortcuts."""
-
-    def __init__(self, scene_, positions, bonds, still=False, springs=None, without_twist=False):
-        self.flow, self.physics = physics_of(scene_)
-        if without_twist:
-            self.physics = untwisted(self.physics)
-        if still:
-            self.flow = state.Flow(np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(5))
-        self.schemes = scheme_of(scene_)
-        n = len(positions)
-        bonded = np.zeros((n, n), bool)
-        for i, j in bonds:
-            bonded[i, j] = bonded[j, i] = True
-        self.motion = state.Motion(
-            np.array(positions, float),
-            np.zeros((n, 3)),
-            bonded,
-            np.full((n, n), -np.inf),
-            np.ones(n),
-            np.zeros(n, np.int64),
-            np.zeros((n, n, 7)) if scene_.effects.resisting else None,
-        )
-        if springs is not None:
-            self.motion.springs[:] = springs
-        self.log, self.history = state.new_log(), state.new_history(self.motion)
-        self.work, self.gaps = scratch(n, scene_.effects.resisting), np.empty((n, n))
-        find_gaps(self.motion.positions, self.motion.radii, self.gaps)
-
-    def until(self, time, steps=10**9):
-        log = self.log
-        code = march(
-            self.motion,
-            self.history,
-            self.gaps,
-            self.work,
-            self.flow,
-            self.physics,
-            *self.schemes,
-            log,
-            new_watch(log, np.inf),
-            0.0,
-            np.inf,
-            np.inf,
-            time,
-            log.steps[0] + steps,
-        )
-        assert code in (state.DONE, state.TOO_MANY_STEPS)
-        return self.motion.positions
 
 
 def settled_gap(scene_):
@@ -270,7 +206,9 @@ def test_a_bent_chain_keeps_its_angle_where_contacts_bear_moments_and_folds_wher
 
 @combinations
 def test_a_straight_chain_in_shear_stays_straight(names):
-    s = free_draining(*names)
+    # Rolling is soft: at 1000 Pa the couples on the spheres exceed by far the moment that it bears, 4 F_adh xi_crit.
+    weak = {"flow.shear_rate": "10 1/s"} if "rolling" in names else {}
+    s = free_draining(*names, **weak)
     positions, bonds = chain(s, [(0.1, 0.6, 0.7)] * 3)
     end = Follow(s, positions, bonds).until(2.0)
     off = end - end.mean(axis=0)

@@ -264,6 +264,33 @@ def coarse_default() -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def absent_left_in() -> Iterator[None]:
+    """The paper's van der Waals attraction acts in scenes that do not name it."""
+
+    def change(scene, flow, physics):
+        if physics.van_der_waals is None:
+            table = {"hamaker_constant": "0.97e-20 J", "minimum_approach": "0.165 nm"}
+            named = scene.with_changes({"effects.van_der_waals": table})
+            physics = physics._replace(van_der_waals=named.effects.van_der_waals.kernel(named))
+        return flow, physics
+
+    with _change_physics(change):
+        yield
+
+
+@contextlib.contextmanager
+def absent_costs() -> Iterator[None]:
+    """In the saved table of absent effects each costs a step 5 %."""
+    from validation import datasets
+
+    intact = datasets.absent_effects
+    with mock.patch.object(
+        datasets, "absent_effects", lambda: [row | {"absent": 1.05 * row["absent"]} for row in intact()]
+    ):
+        yield
+
+
+@contextlib.contextmanager
 def stresses_of_others() -> Iterator[None]:
     """In the saved table of clusters that were sheared until they broke, each has the stresses of another."""
     from validation import datasets
@@ -302,6 +329,8 @@ WAYS: dict[str, Callable[[], contextlib.AbstractContextManager]] = {
         outcomes_shuffled,
         smallest_for_largest,
         coarse_default,
+        absent_left_in,
+        absent_costs,
         stresses_of_others,
     )
 }

@@ -22,6 +22,7 @@ YOUNG = FOLDER / "small-1000Pa.nc"
 KERNELS, SERIES = FOLDER / "kernels-1000Pa.nc", FOLDER / "run-1000Pa.nc"
 """Encounters in a table, and the series and sizes of the run that they are from."""
 FRACTAL_MOTION = Path(__file__).parent / "data" / "fractal_motion.json"
+ABSENT_EFFECTS = SAVED / "absent_effects.csv"
 
 
 def runs(context: Context) -> tuple[Path, ...]:
@@ -68,9 +69,17 @@ def checkout(context: Context) -> tuple[Path, ...]:
     return (root, *sorted((root / "stokesian_dynamics" / "functions").glob("*.py"))) if root else ()
 
 
-def prices(path: Path) -> list[dict[str, float | str]]:
+def prices(path: Path) -> list[dict[str, Any]]:
     """Rows of a table of `mcdem cost`, numbers as numbers."""
+    return _rows(path, ("setting", "knob"))
+
+
+def absent_effects() -> list[dict[str, Any]]:
+    """Rows of the saved table of benchmarks/absent_effects.py, one an effect, numbers as numbers."""
+    return _rows(ABSENT_EFFECTS, ("effect", "scheme", "level"))
+
+
+def _rows(path: Path, words: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Rows of a CSV file; columns not among `words` are numbers."""
     with path.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    words = ("setting", "knob")
-    return [{k: v if k in words else float(v) for k, v in row.items()} for row in rows]
+        return [{k: v if k in words else float(v) for k, v in row.items()} for row in csv.DictReader(file)]
