@@ -101,5 +101,5 @@ CASE = Case(
     inputs=lambda context: (datasets.ABSENT_EFFECTS, BENCHMARK),
     seen=("absent_left_in", "absent_costs"),
     expected=Verdict.cannot_say,
-    because="laws of contacts and their resistances are not in the saved table yet",
+    because="resistances of contacts are not in the saved table yet",
 )
