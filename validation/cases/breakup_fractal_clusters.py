@@ -12,6 +12,7 @@ from validation.case import Case, Context, Findings, below, near
 DIMENSION = 1.8
 DOUBLINGS, QUICK = (3, 4, 5, 6), (3, 4, 5)
 CLUSTERS, QUICK_CLUSTERS = 6, 4
+SIZES_SHOWN = (8, 16, 32, 64)
 
 
 def parts(context: Context):
@@ -66,6 +67,8 @@ def judge(context: Context, found):
         level = np.exp(np.mean(np.log(size) + 0.5 * DIMENSION * np.log(stress)))
         axes.loglog(span, level * span ** (-0.5 * DIMENSION), "--", color=GREY, label="q = d_f/2")
         axes.set(xlabel="shear stress (Pa)", ylabel="primaries P")
+        axes.set_yticks(SIZES_SHOWN, [f"{n}" for n in SIZES_SHOWN])
+        axes.yaxis.set_minor_formatter("")
         legend(axes, f"d_f = {DIMENSION}")
         return figure
 

@@ -28,6 +28,7 @@ SCENE = "as in scenes/moments-1000Pa.toml"
 BONDS = {FIRM: (50.0, 200.0, {"friction_coefficient": 1000.0}), SCENE: (5.0, 2.0, None)}
 """Stiffness [N/m] and largest displacement [nm] of the rods, and resistance to twisting, which the scene has none of; firm ones
 slip at no moment that these clusters see, and friction at no torque."""
+SIZES_SHOWN = (8, 16, 32)
 
 
 def scene(stress: float, bonds: str):
@@ -175,6 +176,8 @@ def judge(context: Context, found):
         )
         axes.loglog(span, math.exp(level) * span ** (-0.5 * DIMENSION), "--", color=GREY, label="q = d_f/2")
         axes.set(xlabel="shear stress (Pa)", ylabel="primaries P")
+        axes.set_yticks(SIZES_SHOWN, [f"{n}" for n in SIZES_SHOWN])
+        axes.yaxis.set_minor_formatter("")
         legend(axes, f"first bond loss, d_f = {DIMENSION}; crosses: fragmentation")
         return figure
 

@@ -19,6 +19,7 @@ STRAIN = 12.0
 ORIENTATIONS = 3
 EARLIEST = 100.0
 """Stress [Pa] at which statics are done; forces are proportional to it."""
+SIZES_SHOWN = (5, 10, 20, 40, 60)
 
 
 def scene(stress: float):
@@ -135,6 +136,8 @@ def judge(context: Context, found):
             stress, n, "^-", ms=4, mfc="none", color=GREEN, label=f"straight chains: q = {1 / steep:.2f}"
         )
         axes.set(xlabel="shear stress (Pa)", ylabel="primaries P")
+        axes.set_yticks(SIZES_SHOWN, [f"{n}" for n in SIZES_SHOWN])
+        axes.yaxis.set_minor_formatter("")
         legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5))
         return figure
 

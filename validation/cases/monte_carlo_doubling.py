@@ -128,6 +128,7 @@ def judge(context: Context, found):
             shift = 1.0 + 0.03 * (k - 0.5 * len(drawn))
             axes[1].errorbar(np.array(TIMES) * shift, 100 * bias, yerr=100 * error, label=label, **style)
         axes[1].axhline(0.0, color=GREY, lw=0.6)
+        axes[1].margins(y=0.35)
         axes[0].set(xscale="log", xlabel="time, 2/(K₁₁ η n₀)", ylabel="mean size ⟨P⟩")
         axes[1].set(xscale="log", xlabel="time, 2/(K₁₁ η n₀)", ylabel="bias of the number (%)")
         legend(axes[0])
