@@ -85,6 +85,25 @@ def test_block_error_of_a_correlated_series():
     assert within > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 60)
 
 
+@pytest.mark.parametrize(("memories", "least"), [(5, 0.55), (20, 0.75), (100, 0.85)])
+def test_limits_of_short_series_hold_as_often_as_is_said(memories, least):
+    """Two errors of 150 series with a memory of a 5th, a 20th, a 100th of their length; 16 blocks held 46 and 79 %."""
+    rng = np.random.default_rng(8)
+    averages = [time_average(*correlated_series(rng, 600, 600 / memories, 20.0, 3.0)) for _ in range(150)]
+    within = np.mean([abs(a.mean - 20.0) < 2 * a.error for a in averages])
+    assert least < within < 1.0
+
+
+def test_a_series_that_never_changed_is_found_steady():
+    rng = np.random.default_rng(9)
+    found = [find_steady_state(*_named(correlated_series(rng, 1000, 25.0, 20.0, 2.0))) for _ in range(40)]
+    assert np.mean([state.reached for state in found]) > 0.9
+
+
+def _named(series):
+    return series[0], {"<P>": series[1]}
+
+
 def test_steady_state_is_found_after_the_growth_and_nowhere_in_a_ramp():
     rng = np.random.default_rng(4)
     t, noise = correlated_series(rng, 6000, 10.0, 0.0, 1.0)
