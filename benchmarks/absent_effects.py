@@ -20,6 +20,8 @@ Resistances of contacts (sliding, rolling, twisting, rods) are followed by the i
 they double the unknowns, since spheres then turn against torques: zero strength and absence are then two Newton iterations for
 one root, each ended by its own tolerance.  That they have the same root is shown by builds that iterate until a move is below
 TO_THE_END: rounding of a gap, 4e-16 a, times the stiffness of a contact over the drag of a step, is some 1e-13 a.
+What they change is told with the Rotne-Prager level, since torques move no centre in free draining, and from contacts under
+load, since free spheres in shear spin alike.
 `--level`, `--scheme` and `--effects` choose others; each pair of builds then compiles for minutes.
 
     python benchmarks/absent_effects.py --save validation/data/absent_effects.csv > benchmarks/absent_effects.md
@@ -100,8 +102,14 @@ def scene_of(effect: str, present: bool, scheme: str, level: str):
     return mcdem.load_scene(PAPER).with_changes(changes)
 
 
+LOADED = 1e-4  # springs that contacts start with, in a, and their twist
+
+
 def primaries(contacts: bool):
-    """A loose cluster with contacts a little compressed, or gaps of 0.5 nm, and neighbours up to a radius off: (N, 3), (N, N)."""
+    """A loose cluster with contacts a little compressed, or gaps of 0.5 nm, and neighbours up to a radius off.
+
+    Positions (N, 3), contacts (N, N), springs (N, N, 7) of a contact's sliding, rolling and twisting.
+    """
     import numpy as np
 
     rng = np.random.default_rng(5)
@@ -114,9 +122,14 @@ def primaries(contacts: bool):
             bonds.append((len(positions), i))
             positions.append(trial)
     bonded = np.zeros((PRIMARIES, PRIMARIES), bool)
+    springs = np.zeros((PRIMARIES, PRIMARIES, 7))
     for i, j in bonds if contacts else ():
         bonded[i, j] = bonded[j, i] = True
-    return np.array(positions), bonded
+        normal = (positions[i] - positions[j]) / np.linalg.norm(positions[i] - positions[j])
+        across = rng.normal(size=(2, 3))
+        across -= np.outer(across @ normal, normal)
+        springs[i, j] = LOADED * np.append(across.ravel(), rng.normal())
+    return np.array(positions), bonded, springs
 
 
 class Steps:
@@ -130,7 +143,7 @@ class Steps:
             self.physics = without_strength(self.physics, zeroed)
         self.schemes = encounter.scheme_of(scene)
         self.resisting = scene.effects.resisting
-        self.start, self.bonded = primaries(contacts)
+        self.start, self.bonded, self.springs = primaries(contacts)
 
     def run(self, steps: int):
         """(velocities (N, 3) of the last step, processor time of a step [s], strain at its end)."""
@@ -148,7 +161,7 @@ class Steps:
             np.full((n, n), -np.inf),
             np.ones(n),
             np.zeros(n, np.int64),
-            np.zeros((n, n, 7)) if self.resisting else None,
+            self.springs.copy() if self.resisting else None,
         )
         log, history, gaps = state.new_log(), state.new_history(motion), np.empty((n, n))
         work = scratch(n, self.resisting)
@@ -329,40 +342,64 @@ def scheme_for(effect: str, options: argparse.Namespace) -> str:
     return "implicit" if effect in RESISTANCES else str(options.scheme)
 
 
-def measure(effect: str, options: argparse.Namespace, folder: Path) -> dict[str, str | float]:
-    """One row of the table; `folder` keeps the builds."""
-    scheme = scheme_for(effect, options)
-    arguments = ["--effects", effect, "--scheme", scheme, "--level", options.level]
-    never_had, to_the_end = folder / ("none" if effect in RESISTANCES else effect), folder / "to_the_end"
+def changes(effect: str, options: argparse.Namespace, folder: Path) -> dict[str, float]:
+    """What the effect does to velocities: at strength zero and as given, over its absence; `folder` keeps the builds."""
+    level = options.level
+    if effect in RESISTANCES and level == "free_draining":
+        level = "rotne_prager"  # a torque moves no centre in free draining
+    arguments = ["--effects", effect, "--scheme", scheme_for(effect, options), "--level", level]
+    whole = Worker(ROOT, arguments)
+    try:
+        absent = whole.ask("absent", 1)[1]
+        felt = largest_change(absent, whole.ask("present", 1)[1])
+        if effect not in RESISTANCES:
+            return {"zero": largest_change(absent, whole.ask("zero", 1)[1]), "felt": felt}
+    finally:
+        whole.close()
+    to_the_end = folder / "to_the_end"
+    if not to_the_end.exists():
+        build_to_the_end(to_the_end)
+    return {"zero": zero_to_the_end(arguments, to_the_end), "felt": felt}
+
+
+def times(effect: str, options: argparse.Namespace, folder: Path) -> dict[str, float]:
+    """Times of a step with their standard errors, over `options.processes` pairs of processes; `folder` keeps the builds."""
+    arguments = ["--effects", effect, "--scheme", scheme_for(effect, options), "--level", options.level]
+    never_had = folder / ("none" if effect in RESISTANCES else effect)
     if not never_had.exists():
         build_without(effect, never_had)
-    if effect in RESISTANCES and not to_the_end.exists():
-        build_to_the_end(to_the_end)
-    row: dict[str, str | float] = {"effect": effect, "scheme": scheme, "level": options.level}
     found = []
     for number in range(options.processes):
         whole, cut = Worker(ROOT, arguments), Worker(never_had, arguments)
         try:
-            if number == 0:
-                absent = whole.ask("absent", 1)[1]
-                if largest_change(absent, cut.ask("absent", 1)[1]) != 0.0:
-                    raise SystemExit(f"{effect}: the build that never had it moves primaries otherwise")
-                row["zero"] = (
-                    zero_to_the_end(arguments, to_the_end)
-                    if effect in RESISTANCES
-                    else largest_change(absent, whole.ask("zero", 1)[1])
-                )
-                row["felt"] = largest_change(absent, whole.ask("present", 1)[1])
+            if number == 0 and largest_change(whole.ask("absent", 1)[1], cut.ask("absent", 1)[1]) != 0.0:
+                raise SystemExit(f"{effect}: the build that never had it moves primaries otherwise")
             found.append(take_turns(whole, cut, options.rounds, number))
         finally:
             whole.close()
             cut.close()
+    row: dict[str, float] = {}
     for name in found[0]:
         values = [one[name] for one in found]
         row[name] = statistics.mean(values)
         if name != "step":
             row[f"error_{name}"] = statistics.stdev(values) / len(values) ** 0.5
     return row
+
+
+def measure(
+    effect: str,
+    options: argparse.Namespace,
+    folder: Path,
+    saved: dict[str, str | float] | None = None,
+) -> dict[str, str | float]:
+    """One row of the table; with `options.keep_times` the times are those of the saved row."""
+    kept = {k: v for k, v in (saved or {}).items() if k in TIMES} if options.keep_times else {}
+    row = {"effect": effect, "scheme": scheme_for(effect, options), "level": options.level}
+    return {**row, **changes(effect, options, folder), **(kept or times(effect, options, folder))}
+
+
+TIMES = ("step", "absent", "error_absent", "added", "error_added", "present", "error_present")
 
 
 def told(row: dict[str, str | float]) -> str:
@@ -412,6 +449,9 @@ def main() -> None:
         type=Path,
         help="CSV file of the table: rows are renewed, those of effects not measured now are kept",
     )
+    parser.add_argument(
+        "--keep-times", action="store_true", help="renew what effects change, not saved times"
+    )
     parser.add_argument("--scheme", choices=("paper", "implicit"), default="paper")
     parser.add_argument(
         "--level", choices=("free_draining", "rotne_prager", "fts", "stokesian"), default="free_draining"
@@ -435,7 +475,7 @@ def main() -> None:
     rows = kept_rows(options)
     with tempfile.TemporaryDirectory() as folder:
         for effect in options.effects.split(","):
-            rows[effect] = measure(effect, options, Path(folder))
+            rows[effect] = measure(effect, options, Path(folder), rows.get(effect))
             save_rows(options.save, rows)
     for effect in EFFECTS:
         if effect in rows:

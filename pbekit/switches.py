@@ -12,7 +12,7 @@ from pbekit.closures import Closure, grid_for, start_of
 from pbekit.finite import population_course
 from pbekit.solve import integrate
 from pbekit.steady import steady_state
-from pbekit.tables import KernelTable, size_classes
+from pbekit.tables import KernelTable, size_classes, size_ratio
 from pbekit.uncertainty import course_output, steady_summary
 
 SUMMARY = ("mean_size", "relative_deviation", "sauter_diameter")
@@ -20,9 +20,10 @@ SUMMARY = ("mean_size", "relative_deviation", "sauter_diameter")
 
 def switches(table: KernelTable) -> Iterator[tuple[str, Callable[[], Closure], str]]:
     """(name, closure, scheme): one assumption of the balance changed in each."""
+    ratio = size_ratio(len(table.records))
 
-    def reclassed(ratio):
-        edges = size_classes(int(table.records.size.max()), ratio)
+    def reclassed(other):
+        edges = size_classes(int(table.records.size.max()), other)
         finer = _classed(table, edges, table.shape_edges, table.shape_name)
         return Closure(finer, grid_for(finer))
 
@@ -46,8 +47,8 @@ def switches(table: KernelTable) -> Iterator[tuple[str, Callable[[], Closure], s
         yield f"shapes told apart by {other}", lambda: reshaped(table.shapes, other), "fixed pivot"
         yield "one mean shape per size", lambda: Closure(table, grid_for(table, shapes=None)), "fixed pivot"
     yield "outcomes by the fitted law alone", lambda: Closure(table, grid_for(table), "smooth"), "fixed pivot"
-    yield "size classes half as wide", lambda: reclassed(1.16), "fixed pivot"
-    yield "size classes twice as wide", lambda: reclassed(1.8), "fixed pivot"
+    yield "size classes half as wide", lambda: reclassed(ratio**0.5), "fixed pivot"
+    yield "size classes twice as wide", lambda: reclassed(ratio**2), "fixed pivot"
     yield "exact sizes to 48", lambda: Closure(table, grid_for(table, exact_to=48)), "fixed pivot"
     yield "cell average", lambda: Closure(table, grid_for(table)), "cell average"
     designed = table.records.source == 1

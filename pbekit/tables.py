@@ -202,7 +202,18 @@ COLUMNS = {
 }
 
 
-def size_classes(largest: int, ratio: float = 1.35) -> np.ndarray:
+SIZE_RATIO, FINE_RATIO = 1.35, 1.16
+"""Of neighbouring size classes, and where many encounters fill them: a step between wide classes shows in the steady sizes."""
+MANY = 100_000
+"""Encounters."""
+
+
+def size_ratio(encounters: int) -> float:
+    """Ratio of neighbouring size classes for so many encounters."""
+    return FINE_RATIO if encounters >= MANY else SIZE_RATIO
+
+
+def size_classes(largest: int, ratio: float = SIZE_RATIO) -> np.ndarray:
     """Lower bounds of size classes, whole numbers at about a constant ratio, with one bound beyond `largest`."""
     bounds = [1]
     while bounds[-1] <= largest:
@@ -242,7 +253,9 @@ class KernelTable:
     ) -> KernelTable:
         """Classes that fit the records: sizes by ratio, shapes by quantiles of the parents of three and more."""
         if size_edges is None:
-            size_edges = size_classes(int(records.size.max()) if len(records) else 1)
+            size_edges = size_classes(
+                int(records.size.max()) if len(records) else 1, size_ratio(len(records))
+            )
         if isinstance(shape_edges, str):
             seen = records.shape(shape_name, radius)[records.size > 2]
             seen = seen[np.isfinite(seen)]

@@ -7,8 +7,6 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mcdem.errors import UserError
-
 if TYPE_CHECKING:
     from pbekit.monte_carlo import MonteCarlo
     from pbekit.tables import KernelTable
@@ -17,8 +15,6 @@ if TYPE_CHECKING:
 FOLDER = Path(__file__).parent.parent / "notebooks" / "data"
 SAVED = Path(__file__).parent / "data"
 """Samples and tables that take long to make; its README tells the commands."""
-YOUNG = FOLDER / "small-1000Pa.nc"
-"""A short run, taken where no long one is committed."""
 KERNELS, SERIES = FOLDER / "kernels-1000Pa.nc", FOLDER / "run-1000Pa.nc"
 """Encounters in a table, and the series and sizes of the run that they are from."""
 FRACTAL_MOTION = Path(__file__).parent / "data" / "fractal_motion.json"
@@ -29,18 +25,7 @@ def runs(context: Context) -> tuple[Path, ...]:
     """Datasets of `mcdem run`."""
     if context.given.runs:
         return context.given.runs
-    return tuple(path for path in sorted(FOLDER.glob("run-*Pa.nc")) if _whole(path)) or (YOUNG,)
-
-
-def _whole(path: Path) -> bool:
-    """Whether a dataset holds its encounters and geometries, and is not thinned for the balance alone."""
-    from mcdem.record import opened
-
-    try:
-        with opened(path):
-            return True
-    except UserError:
-        return False
+    return tuple(sorted(FOLDER.glob("run-*Pa.nc")))
 
 
 def fractal_motion() -> dict[str, dict[str, Any]]:

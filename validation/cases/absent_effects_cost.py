@@ -38,7 +38,7 @@ def measure(context: Context):
         if not context.quick:
             options = argparse.Namespace(scheme="paper", level="free_draining", rounds=10, processes=3)
             with tempfile.TemporaryDirectory() as folder:
-                timed[effect] = table.measure(effect, options, Path(folder))
+                timed[effect] = table.times(effect, options, Path(folder))
     return {"kept": datasets.absent_effects(), "zero": zero, "timed": timed}
 
 

@@ -147,7 +147,8 @@ CASE = Case(
     judge=judge,
     inputs=lambda context: (datasets.KERNELS,),
     seen=("outcomes_shuffled",),
-    expected=Verdict.known_gap,
-    because="the laws are for porous flocs: a primary touches a compact cluster at about half their rate, two equal clusters at "
-    "about twice; no law that was looked at has the shape of these aggregates in it",
+    expected=Verdict.cannot_say,
+    because="of (1, P) with P from 4 to 7 too few touch to tell; most others differ, since the laws are for porous flocs: a "
+    "primary touches a compact cluster at about half their rate, two equal clusters at about twice; no law that was looked at "
+    "has the shape of these aggregates in it",
 )
