@@ -102,7 +102,7 @@ def fit_mass_size(sizes: ArrayLike, lengths: ArrayLike, radius: float) -> PowerL
 # Averages over time
 
 FEWEST_BLOCKS = 4
-"""Blocks as long as a quarter of the stretch.  <P> remembers for some 5 s, of runs of 100 s.  Of a series whose memory is a
+"""Blocks as long as a quarter of the stretch.  <P> remembers for some seconds, of runs of 100 s.  Of a series whose memory is a
 20th of the stretch (Ornstein & Uhlenbeck's process) limits of two errors hold the mean in 88 of 100 cases with 4 blocks, in
 79 with 16; where it is a 5th, in 70 and in 46 (`tests/test_statistics.py`)."""
 FINEST_BLOCKS = 1024
