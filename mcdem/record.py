@@ -463,7 +463,7 @@ class Record:
     @classmethod
     def read(cls, path: Path, scene: Scene) -> tuple[Record, float, Population, dict[str, Any]]:
         """What `write` wrote: the record, the time [s], the population and the state of the clocks."""
-        with opened(path) as (file,), _refusing_damage(path):
+        with opened(path) as (file,), refusing_damage(path):
             _refuse_another_scene(path, str(file.scene), scene)
             record = cls(scene, int(file.seed), tuple(str(file.keep_parents).split()))
             _get(file, {"row": record.series})
@@ -475,7 +475,7 @@ class Record:
             _get(file["kept"], {"kept": record.kept, **record.kept_parents.tables})
             state = {name: v[...] for name, v in file["checkpoint"].variables.items()}
             time, volume, serials, aggregates = record.snapshots.last()
-            record.history = [*_history(file), _stretch(record.events.rows, time)]
+            record.history = [*stretches(file), _stretch(record.events.rows, time)]
             record.snapshots.drop_last()
             population = Population.restored(
                 scene.suspension.radius,
@@ -489,7 +489,7 @@ class Record:
 
 
 @contextlib.contextmanager
-def _refusing_damage(path: Path) -> Iterator[None]:
+def refusing_damage(path: Path) -> Iterator[None]:
     """Whatever goes wrong in reading a dataset of ours is the disk's doing; its checksums tell most of it."""
     try:
         yield
@@ -617,7 +617,7 @@ def _stretch(events: int, time: float) -> str:
     return f"{now} from event {events}, t = {time:.6g} s: {software()}: {shlex.join(sys.argv)}"
 
 
-def _history(file: netCDF4.Dataset) -> list[str]:
+def stretches(file: netCDF4.Dataset) -> list[str]:
     """The stretches that hold an encounter, oldest first."""
     if "history" not in file.ncattrs():
         return [f"{file.date_modified} until then: {file.software}: {file.command}"]

@@ -16,8 +16,8 @@ import netCDF4
 import numpy as np
 
 from mcdem.errors import DataFileError, UserError
-from mcdem.files import replacing
-from mcdem.record import opened
+from mcdem.files import locked, replacing
+from mcdem.record import opened, refusing_damage, stretches
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,8 +37,8 @@ def thin(source: Path | str, target: Path | str, every: float | None = None) -> 
     every : time between the snapshots that are kept [s], None for all; the first, the last two, and those that come next
     after each multiple of it
 
-    Raises `DataFileError` where `source` is no dataset of `mcdem run` or `target` is the same file, `UserError` where
-    `every` is not above 0.
+    Raises `DataFileError` where `source` is no whole dataset of `mcdem run`, or `target` is the same file or one that a run is
+    writing; `UserError` where `every` is not above 0.
     """
     source, target = Path(source), Path(target)
     if every is not None and not 0.0 < every < math.inf:
@@ -47,8 +47,9 @@ def thin(source: Path | str, target: Path | str, every: float | None = None) -> 
         raise DataFileError(f"{target}: is the dataset to be thinned; give another name")
     kept = "all" if every is None else f"about {every:g} s apart"
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    said = f"\n{now} thinned: reals to {DIGITS} significant bits, snapshots {kept}"
-    with opened(source) as (full,):
+    said = f"{now} thinned: reals to {DIGITS} significant bits, snapshots {kept}"
+    with opened(source) as (full,), refusing_damage(source):
+        history = "\n".join([*stretches(full), said])
         full.set_auto_maskandscale(False)
         root = _read(full, {}, exact=False)
         groups = {
@@ -57,9 +58,9 @@ def thin(source: Path | str, target: Path | str, every: float | None = None) -> 
             )
             for name, group in full.groups.items()
         }
-    with replacing(target) as small:
+    with locked(target), replacing(target) as small:
         _write(small, root)
-        small.setncattr("history", (root.attributes["history"].decode() + said).encode())
+        small.setncattr("history", history.encode())
         for name, group in groups.items():
             _write(small.createGroup(name), group)
 

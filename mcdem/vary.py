@@ -43,8 +43,10 @@ class Difference:
 
     @property
     def value(self) -> float:
-        """Difference of a share or mean; of eta_11 relative to the scene's."""
-        return self.changed / self.given - 1.0 if self.quantity == ETA else self.changed - self.given
+        """Difference of a share or mean; of eta_11 relative to the scene's, nan where nothing sticks."""
+        if self.quantity != ETA:
+            return self.changed - self.given
+        return self.changed / self.given - 1.0 if self.given else float("nan")
 
 
 def settings_from(given: dict[str, list[str]]) -> list[Setting]:

@@ -3,7 +3,7 @@
 Every rate is interpolated in the logarithm of stress: probabilities of outcomes in their logarithms (so that their ratios
 follow power laws of stress, as breakup does), fragments, shapes and radii as mixtures.  Mass is exact and probabilities add
 to one whatever the weight.  Draws of the two tables are independent, so their uncertainty is carried along; that of the
-interpolation itself is in no band: a table in between, left out, tells it (`compare.stress_law`).
+interpolation itself is in no band: a table in between, left out, tells it (`over_stresses.stress_law`).
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Between:
         return self.balance()
 
     def extrapolated_flux(self, population: np.ndarray) -> float:
-        """Share of all encounters, in number, that neither table sampled in their classes; the larger of the two."""
+        """Share of all encounters, in number, that a table did not sample in their classes; the larger of the two."""
         return max(closure.extrapolated_flux(population) for closure in self.closures)
 
 
@@ -117,7 +117,7 @@ def mix(lower: Rates, upper: Rates, weight: float) -> Rates:
         return None if a is None else of(a, b)
 
     with np.errstate(divide="ignore"):
-        # What neither ever does stays impossible; what one never does, too, but at its own stress.
+        # An outcome that one table excludes is excluded between them.
         logarithms = [
             share * np.log(p)
             for p, share in ((lower.outcomes, 1.0 - weight), (upper.outcomes, weight))

@@ -116,7 +116,7 @@ def stress_law(
             found.attrs[f"q_{name}_analytical"] = -slope
         found.attrs["reference"] = stress[_most_encounters(tables)]
     if len(tables) > 2:
-        for name in interpolated[1]:
+        for name in dict.fromkeys(name for row in interpolated for name in row):
             unit = {"units": OVER_STRESSES[name.partition("_interpolated")[0]]}
             found[name] = ("stress", [row.get(name, np.nan) for row in interpolated], unit)
     return found
@@ -125,8 +125,14 @@ def stress_law(
 def _from_neighbours(
     lower: KernelTable, upper: KernelTable, stress: float, draws: int, seed: int
 ) -> dict[str, float]:
-    """Steady <P> and d32 [m] at a stress [Pa] from tables below and above it, with their bands."""
-    closure = Between(lower, upper, stress)
+    """Steady <P> and d32 [m] at a stress [Pa] from tables below and above it, with their bands.
+
+    Nothing where they cannot be interpolated: of one stress, or of other shear rates or shapes.
+    """
+    try:
+        closure = Between(lower, upper, stress)
+    except PBEError:
+        return {}
     start = start_of(closure.grid, lower)
     steady = steady_state(closure.mean, start)
     mean = steady_summary(closure.mean, steady.population)

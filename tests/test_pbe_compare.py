@@ -279,6 +279,13 @@ def test_at_the_ends_and_beyond(three_stresses):
         between([silent, upper], 1.5)
 
 
+def test_stresses_of_several_shear_rates_are_told_without_foretelling(three_stresses):
+    tables = [KernelTable.load(path) for path in three_stresses]
+    faster = KernelTable.of(tables[2].records, RADIUS, 2 * SHEAR_RATE, shapes=1, about=tables[2].about)
+    law = stress_law([*tables[:2], faster], draws=5)
+    assert "mean_size_interpolated" not in law and np.isfinite(law.mean_size).all()
+
+
 def test_solve_interpolates(three_stresses, tmp_path):
     low, middle, high = three_stresses
     done = call("solve", low, high, "--stress", 1.5, "-o", tmp_path / "n.nc", "--until", 20, "--draws", 3)

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from mcdem.cli import app
 from mcdem.differences import differences
 from mcdem.errors import DataFileError, UserError
+from mcdem.files import locked
 from mcdem.runs import Run
 from mcdem.simulate import run
 from mcdem.thinning import DIGITS, rounded, thin
@@ -118,6 +119,26 @@ def test_what_cannot_be_thinned_is_refused(whole, tmp_path):
     with pytest.raises(DataFileError, match="mcdem run"):
         thin(tmp_path / "foreign.nc", tmp_path / "a.nc")
     assert not (tmp_path / "a.nc").exists()
+
+
+def test_a_file_that_a_run_is_writing_is_not_replaced(whole, tmp_path):
+    with locked(tmp_path / "busy.nc"), pytest.raises(DataFileError, match="another run"):
+        thin(whole, tmp_path / "busy.nc")
+
+
+def test_a_damaged_dataset_is_refused(whole, tmp_path):
+    content = bytearray(whole.read_bytes())
+    for place in range(len(content) // 4, 3 * len(content) // 4, 997):
+        content[place] ^= 0xFF
+    (tmp_path / "damaged.nc").write_bytes(bytes(content))
+    with pytest.raises(DataFileError):
+        thin(tmp_path / "damaged.nc", tmp_path / "a.nc")
+
+
+def test_a_dataset_of_before_histories_gets_one(tmp_path):
+    thin("notebooks/data/small-1000Pa.nc", tmp_path / "a.nc", every=5.0)
+    first, last = xr.open_dataset(tmp_path / "a.nc").attrs["history"].splitlines()
+    assert "until then" in first and "thinned" in last
 
 
 def test_the_command(whole, tmp_path):

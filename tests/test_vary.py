@@ -37,6 +37,12 @@ def test_differences_are_signed_and_paired():
     assert value["geometry"].value == pytest.approx(-0.1) and value["geometry"].error == 0.0
 
 
+def test_where_nothing_sticks_eta_11_has_no_relative_difference():
+    given = samples(["missed"] * 4)
+    (eta, *_) = vary.differences(cost.Setting("other", "x"), (0.0, 0.01), given, given)
+    assert np.isnan(eta.value)
+
+
 def test_what_changes_nothing_makes_no_difference_and_what_matters_does():
     pairs = [(MONOMER, MONOMER)] * 40
     scene = PAPER.with_changes({"numerics.rotations": 0.0})
