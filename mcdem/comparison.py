@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from .breakup import EROSION_ABOVE, Reading, is_breakup
+from .breakup import EROSION_ABOVE, Reading, in_reading
 from .capture import initial_growth
 from .figures import paper
 from .figures.growth import van_de_ven_mason
@@ -22,7 +22,11 @@ RULE = (
 )
 
 
-READING_WORDS: dict[Reading, str] = {"paper": "its own reading", "strict": "strict reading"}
+READING_WORDS: dict[Reading, str] = {
+    "paper": "its own reading",
+    "strict": "strict reading",
+    "own": "each aggregate for itself",
+}
 
 
 @dataclass(frozen=True)
@@ -358,7 +362,7 @@ def _aspect_ratios(size: NDArray[np.integer], ratio: NDArray[np.float64]) -> Ite
 def _breakups(runs: Sequence[Run]) -> Iterator[Row]:
     broken = pool([run.late_breakups for run in runs], "breakup")
     for reading, words in READING_WORDS.items():
-        largest = broken["largest_fragment"].values[is_breakup(broken["outcome"].values, reading)]
+        largest = broken["largest_fragment"].values[in_reading(broken, reading)]
         count = len(largest)
         comparable = share(int(((largest >= 0.45) & (largest <= 0.75)).sum()), count)
         erosion = share(int((largest >= EROSION_ABOVE).sum()), count)

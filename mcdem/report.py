@@ -12,6 +12,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
+from .breakup import in_reading
 from .comparison import RULE, compare
 from .errors import UserError
 from .figures import figures_of, paper
@@ -102,7 +103,7 @@ def warnings(run: Run) -> Iterator[str]:
             f"No steady state: {run.steady.reason}. Steady means: {STEADY_TEST}. Numbers called steady are those of "
             "the last 40 % of the run."
         )
-    late = run.late_breakups.sizes["breakup"]
+    late = int(in_reading(run.late_breakups, "paper").sum())
     if late < FEW_BREAKUPS:
         yield (
             f"Few breakups: {late} in the stretch that counts, fewer than {FEW_BREAKUPS}; the shares of fragmentation "

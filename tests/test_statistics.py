@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mcdem.breakup import breakups, summarise
+from mcdem.breakup import READINGS, breakups, summarise
 from mcdem.statistics import (
     find_steady_state,
     fit_mass_size,
@@ -140,15 +140,16 @@ def test_breakups_by_hand():
         np.concatenate(products),
         np.concatenate(origin),
     )
-    assert broken["parent_size"].values.tolist() == [
-        12,
-        16,
-        20,
-        12,
-    ]  # the last split alone, beside a bystander
-    assert broken["fragments"].values.tolist() == [2, 2, 3, 2]
-    np.testing.assert_allclose(broken["largest_fragment"], [10 / 12, 10 / 16, 0.9, 11 / 12])
-    paper, strict = summarise(broken, "paper"), summarise(broken, "strict")
+    together, alone = broken.isel(breakup=~broken["by_itself"]), broken.isel(breakup=broken["by_itself"])
+    assert together["parent_size"].values.tolist() == [12, 16, 20, 12]  # the last split beside a bystander
+    assert together["fragments"].values.tolist() == [2, 2, 3, 2]
+    np.testing.assert_allclose(together["largest_fragment"], [10 / 12, 10 / 16, 0.9, 11 / 12])
+    # 8 = 5 + 3 on both sides of the exchange, 9 = 1 + 8 and 11 = 1 + 10, and the split again
+    assert alone["event"].values.tolist() == [3, 3, 4, 4, 5]
+    assert alone["parent_size"].values.tolist() == [8, 8, 9, 11, 12]
+    np.testing.assert_allclose(alone["largest_fragment"], [5 / 8, 7 / 8, 8 / 9, 10 / 11, 11 / 12])
+    paper, strict, own = (summarise(broken, reading) for reading in READINGS)
+    assert (own["breakups"], own["P_br"], own["erosion_share"]) == (5, 9.6, 0.4)
     assert (paper["breakups"], strict["breakups"]) == (4, 3)
     assert (paper["P_br"], strict["P_br"]) == (15, 16)
     assert (paper["erosion_share"], strict["erosion_share"]) == (0.5, pytest.approx(2 / 3))

@@ -1,4 +1,4 @@
-"""Figs. 15 and 16: what size breaks, and into what, under both readings of breakup."""
+"""Figs. 15 and 16: what size breaks, and into what, under each reading of breakup."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
-from ..breakup import READINGS, is_breakup
+from ..breakup import READINGS, in_reading
 from ..runs import Run, by_stress, pool, pooled_breakups
 from ..statistics import fit_power_law
 from . import paper
 from .figure import Figure, quantity
-from .style import BLACK, GREY, READING, canvas, legend, note
+from .style import BLACK, GREY, READING, canvas, legend
 
 
 def critical_size(runs: Sequence[Run]) -> Figure:
@@ -62,7 +62,7 @@ def critical_size(runs: Sequence[Run]) -> Figure:
         )
     return Figure(
         "fig15_critical_size",
-        "Size before breakup, under both readings, and mean size at steady state against shear stress.",
+        "Size before breakup, under each reading, and mean size at steady state against shear stress.",
         numbers,
         draw_critical_size,
     )
@@ -80,7 +80,7 @@ def draw_critical_size(numbers: xr.Dataset) -> Canvas:
         limits = f" [{low:.1f}, {high:.1f}]" if np.isfinite(low) else ""
         return f"{text}: q = {q:.1f}{limits}"
 
-    for shift, reading, marker in ((0.985, "paper", "o"), (1.0, "strict", "^")):
+    for shift, reading, marker in ((0.96, "paper", "o"), (0.985, "strict", "^"), (1.01, "own", "D")):
         colour, reads = READING[reading]
         one = numbers.sel(reading=reading)
         axes.errorbar(
@@ -94,23 +94,21 @@ def draw_critical_size(numbers: xr.Dataset) -> Canvas:
             elinewidth=0.7,
             label=words(f"P_br_{reading}", rf"$\bar P_{{br}}$, {reads}"),
         )
-        for x, y, n in zip(stress * shift, one["P_br"].values, one["breakups"].values, strict=True):
+        for x, y, n in zip(
+            stress * shift, (one["P_br"] - one["P_br_deviation"]).values, one["breakups"].values, strict=True
+        ):
             if np.isfinite(y):
-                ahead = reading == "paper"
-                place = (-4 if ahead else 4, 0)
-                side = "right" if ahead else "left"
                 axes.annotate(
                     f"{int(n)}",
                     (x, y),
-                    place,
+                    (0, -7),
                     textcoords="offset points",
-                    fontsize=5,
+                    fontsize=4.5,
                     color=colour,
-                    ha=side,
-                    va="center",
+                    ha="center",
                 )
     axes.errorbar(
-        stress * 1.015,
+        stress * 1.035,
         numbers["mean_size"],
         numbers["size_deviation"],
         fmt="s",
@@ -155,7 +153,7 @@ def largest_fragment(runs: Sequence[Run]) -> Figure:
     broken = pool([run.late_breakups for run in runs], "breakup")
     counts = []
     for reading in READINGS:
-        chosen = broken["largest_fragment"].values[is_breakup(broken["outcome"].values, reading)]
+        chosen = broken["largest_fragment"].values[in_reading(broken, reading)]
         # a fragment of exactly 0.9 is erosion: bins hold their lower edge
         counts.append(np.histogram(chosen - 1e-9 + 2e-9, EDGES)[0])
     numbers = xr.Dataset(
@@ -172,31 +170,41 @@ def largest_fragment(runs: Sequence[Run]) -> Figure:
             numbers[name + limit] = ("reading", [pooled_breakups(runs, r)[name + limit] for r in READINGS])
     return Figure(
         "fig16_largest_fragment",
-        f"Largest fragment as a share of what broke at {runs[0].label}, under both readings.",
+        f"Largest fragment as a share of what broke at {runs[0].label}, under each reading.",
         numbers,
         draw_largest_fragment,
     )
 
 
 def draw_largest_fragment(numbers: xr.Dataset) -> Canvas:
-    """Two histograms with Poisson errors; the paper's ranges shaded."""
+    """A histogram a reading with Poisson errors; the paper's ranges shaded."""
     figure, axes = canvas(height=3.0)
     low, high = numbers["low"].values, numbers["high"].values
     top = 0.0
-    for side, reading in ((-1, "paper"), (1, "strict")):
+
+    def shares(one: xr.Dataset) -> str:
+        if not int(one["count"].sum()):
+            return ""
+        comparable, *erosion = (
+            float(one[name])
+            for name in ("fragmentation_share", "erosion_share", "erosion_share_low", "erosion_share_high")
+        )
+        return "\n0.45 to 0.75: {:.0%}; erosion: {:.0%} [{:.0%}, {:.0%}]".format(comparable, *erosion)
+
+    for side, reading in zip((-1, 0, 1), READINGS, strict=True):
         colour, words = READING[reading]
         one = numbers.sel(reading=reading)
         count = one["count"].values
         total = max(count.sum(), 1)
-        x = 0.5 * (low + high) + side * 0.2 * (high - low)
+        x = 0.5 * (low + high) + side * 0.28 * (high - low)
         axes.bar(
             x,
             count / total,
-            0.38 * (high - low),
+            0.26 * (high - low),
             color=colour,
             alpha=0.7,
             lw=0,
-            label=f"{words}: {count.sum()}",
+            label=f"{words}: {count.sum()}{shares(one)}",
         )
         seen = count > 0
         axes.errorbar(
@@ -219,18 +227,8 @@ def draw_largest_fragment(numbers: xr.Dataset) -> Canvas:
         axes.axvspan(*paper.EROSION_PEAK, color=GREY, alpha=0.13, lw=0)
         axes.axvline(paper.LIKELIEST_FRAGMENT, color=GREY, ls=":", lw=0.8)
     axes.set_xlim(0, 1)
-    axes.set_ylim(0, max(1.75 * top, 0.1))
+    axes.set_ylim(0, max(2.1 * top, 0.1))
     axes.set_xlabel("largest fragment over parent")
     axes.set_ylabel("share of breakups")
-    axes.legend(loc="upper left")
-    lines = []
-    for reading in ("paper", "strict"):
-        one = numbers.sel(reading=reading)
-        if int(one["count"].sum()):
-            lines.append(
-                f"{READING[reading][1]}: 0.45 to 0.75: {float(one['fragmentation_share']):.0%}, erosion: "
-                f"{float(one['erosion_share']):.0%} [{float(one['erosion_share_low']):.0%}, "
-                f"{float(one['erosion_share_high']):.0%}]"
-            )
-    note(axes, "\n".join(lines) or "no breakups in the steady stretch", (0.03, 0.66))
+    legend(axes, "" if numbers["count"].sum() else "no breakups in the steady stretch", loc="upper left")
     return figure

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcdem.figures.style import BLUE, GREY, VERMILION, canvas, legend
+from mcdem.figures.style import BLUE, GREEN, GREY, VERMILION, canvas, legend
 from validation import datasets
 from validation.case import Case, Context, Findings, above, below, cannot_say, shown
 
@@ -21,13 +21,13 @@ def parts(context: Context):
 
 
 def measure(context: Context, path):
-    from mcdem.breakup import is_breakup
+    from mcdem.breakup import READINGS, in_reading
     from mcdem.runs import Run
 
     run, rng = Run(path), context.rng(0)
     broken = run.breakups
     whole = broken["parent_size"].values >= SMALLEST
-    reading = {name: whole & is_breakup(broken["outcome"].values, name) for name in ("paper", "strict")}
+    reading = {name: whole & in_reading(broken, name) for name in READINGS}
     largest = {name: broken["largest_fragment"].values[rows] for name, rows in reading.items()}
     clusters = [a for k in run.late_snapshots[-10:] for a in run.aggregates(k) if a.size >= SMALLEST]
     sizes = np.array([a.size for a in clusters])
@@ -38,7 +38,7 @@ def measure(context: Context, path):
         for _ in range(DRAWS)
         if len(clusters)
     ]
-    return {"paper": largest["paper"], "strict": largest["strict"], "random": random, "stress": run.stress}
+    return {**largest, "random": random, "stress": run.stress}
 
 
 def after_random_removal(aggregate, rng) -> float:
@@ -67,7 +67,7 @@ def judge(context: Context, found):
 
     checks = []
     for name, n in found.items():
-        ours, random, paper = (np.array(n[key]) for key in ("strict", "random", "paper"))
+        ours, random, paper, own = (np.array(n[key]) for key in ("strict", "random", "paper", "own"))
         if len(ours) < FEWEST or not len(random):
             few = f"{len(ours)} breakups of {SMALLEST} primaries or more, fewer than {FEWEST}"
             checks.append(cannot_say(f"{name}: fragments", few))
@@ -82,6 +82,8 @@ def judge(context: Context, found):
         eroded, e_eroded = portion(ours, 0.9, 1.0)
         eroded_by_chance, _ = portion(random, 0.9, 1.0)
         wide, e_wide = portion(paper, *COMPARABLE)
+        single, e_single = portion(own, *COMPARABLE)
+        torn, e_torn = portion(own, 0.9, 1.0)
         distance = stats.ks_2samp(ours, random)
         checks += [
             above(f"{name}: share of largest fragments between 0.45 and 0.75, less that of random removal",
@@ -91,7 +93,10 @@ def judge(context: Context, found):
                   error=1.36 / np.sqrt(len(ours))),
             above(f"{name}: share between 0.45 and 0.75, the paper's reading of breakup (printed: more than 0.8)", wide, 0.8,
                   error=e_wide),
+            above(f"{name}: share between 0.45 and 0.75, each aggregate for itself (printed: more than 0.8)", single, 0.8,
+                  error=e_single),
             shown(f"{name}: erosion's share of breakups, strict reading (printed: about 0.1)", eroded, error=e_eroded),
+            shown(f"{name}: erosion's share of breakups, each aggregate for itself (printed: about 0.1)", torn, error=e_torn),
         ]  # fmt: skip
 
     def draw():
@@ -101,6 +106,7 @@ def judge(context: Context, found):
         for key, colour, words in (
             ("paper", GREY, "two fragments after a collision too"),
             ("strict", BLUE, "what was one piece breaks"),
+            ("own", GREEN, "each aggregate for itself"),
             ("random", VERMILION, "random removal of bonds"),
         ):
             values = np.concatenate([n[key] for n in whole]) if whole else np.zeros(0)
