@@ -57,7 +57,7 @@ def row(name: str, scene: mcdem.Scene, made: int, aggregates: list[Aggregate]) -
     """One line of the table."""
     sizes = np.array([a.size for a in aggregates])
     gyration = np.array([np.sqrt((a.positions**2).sum(axis=1).mean()) for a in aggregates])
-    fit = fit_mass_size(sizes, gyration, scene.suspension.radius)
+    fit = fit_mass_size(sizes, gyration, scene.suspension.radius, given="length")
     contacts = sum(len(a.bonds) for a in aggregates if a.size > 1)
     told = "-" if fit is None else f"{fit.exponent:.2f} ({fit.exponent_low:.2f} to {fit.exponent_high:.2f})"
     coordination = 2.0 * contacts / sizes[sizes > 1].sum()

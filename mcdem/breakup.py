@@ -14,7 +14,7 @@ What counts as breakup, and of what, is a matter of reading, and decides its num
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -62,8 +62,8 @@ def breakups(
     the parent).
     """
     first_product = np.cumsum(product_counts) - product_counts
-    found: list[tuple[int, bool, NDArray[np.integer]]] = []
-    for e in np.flatnonzero(np.isin(outcome, BROKEN["paper"])):
+    found: list[tuple[int, bool, NDArray[Any]]] = []
+    for e in np.flatnonzero(np.isin(outcome, BROKEN["paper"])).tolist():
         sizes = product_sizes[first_product[e] : first_product[e] + product_counts[e]]
         origin = from_first[first_product[e] : first_product[e] + product_counts[e]]
         own = [pieces[pieces > 0] for pieces in (origin, sizes - origin)]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -89,14 +90,49 @@ SMALLEST_FITTED = 4
 """Clusters of P > 3 enter the mass-size fits (Frungieri & Vanni, section 3.2): smaller ones have a fixed geometry."""
 
 
-def fit_mass_size(sizes: ArrayLike, lengths: ArrayLike, radius: float) -> PowerLaw | None:
+Given = Literal["size", "length"]
+"""Which of the two a mass-size fit takes as given, the other scattering about the law."""
+GIVENS: tuple[Given, ...] = ("size", "length")
+
+
+def fit_mass_size(
+    sizes: ArrayLike, lengths: ArrayLike, radius: float, given: Given = "size"
+) -> PowerLaw | None:
     """P = k (length/a)^d over clusters of P > 3 (Eq. 26).
 
-    lengths : (A,) [m] radii of gyration for d_g, k_g; outer radii for d_o, k_o.
+    lengths : (A,) [m] radii of gyration for d_g, k_g; outer radii for d_o, k_o
+    given : what the regression takes as given. "size": ln length against ln P, then solved for P; "length": ln P against
+        ln length. Aggregates of one P differ in shape, so the exponents differ by the square of the correlation: in the
+        suspension of Frungieri & Vanni at 1000 Pa 1.7 and 1.5. They do not say which was theirs.
     """
-    p, length = np.asarray(sizes), np.asarray(lengths, dtype=float)
+    p, length = np.asarray(sizes, dtype=float), np.asarray(lengths, dtype=float)
     fitted = p >= SMALLEST_FITTED
-    return fit_power_law(length[fitted] / radius, p[fitted])
+    p, length = p[fitted], length[fitted] / radius
+    if given == "length":
+        return fit_power_law(length, p)
+    fit = fit_power_law(p, length)
+    return _solved_for_x(fit, np.log(p).mean()) if fit and fit.exponent > 0.0 else None
+
+
+def _solved_for_x(fit: PowerLaw, mean_log_x: float) -> PowerLaw:
+    """The law with its sides changed, x = k y^d; limits to first order in the errors (Fieller 1954, far from zero slope)."""
+    exponent, log_k = 1.0 / fit.exponent, -np.log(fit.prefactor) / fit.exponent
+    slope_error = 0.5 * (fit.exponent_high - fit.exponent_low)
+    level_error = 0.5 * np.log(fit.prefactor_high / fit.prefactor_low)
+    # of the fit's value at ln x = ln k, from the errors of its slope and of its level at 0, correlated by -mean ln x
+    error = exponent * np.sqrt(
+        max(level_error**2 + (log_k**2 - 2.0 * log_k * mean_log_x) * slope_error**2, 0.0)
+    )
+    return PowerLaw(
+        exponent,
+        1.0 / fit.exponent_high,
+        1.0 / fit.exponent_low if fit.exponent_low > 0.0 else np.inf,
+        float(np.exp(log_k)),
+        float(np.exp(log_k - error)),
+        float(np.exp(log_k + error)),
+        fit.points,
+        fit.distinct,
+    )
 
 
 # Averages over time

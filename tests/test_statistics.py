@@ -5,6 +5,7 @@ import pytest
 
 from mcdem.breakup import READINGS, breakups, summarise
 from mcdem.statistics import (
+    GIVENS,
     find_steady_state,
     fit_mass_size,
     fit_power_law,
@@ -24,9 +25,33 @@ def test_size_moments_of_a_hand_made_population():
 def test_exact_power_law_is_found_exactly_and_small_clusters_are_left_out():
     length = np.array([1.0, 1.2, 2.0, 3.0, 4.5]) * 500e-9
     sizes = 3.34 * (length / 500e-9) ** 1.68  # the first two, 3.3 and 4.5: one is not above P = 3.5
-    fit = fit_mass_size(np.append(sizes[1:], [1, 2, 3]), np.append(length[1:], [9, 9, 9]), 500e-9)
-    np.testing.assert_allclose([fit.exponent, fit.prefactor], [1.68, 3.34], rtol=1e-12)
-    assert (fit.points, fit.distinct) == (4, 4)
+    for given in GIVENS:
+        fit = fit_mass_size(np.append(sizes[1:], [1, 2, 3]), np.append(length[1:], [9, 9, 9]), 500e-9, given)
+        np.testing.assert_allclose([fit.exponent, fit.prefactor], [1.68, 3.34], rtol=1e-12)
+        assert (fit.points, fit.distinct) == (4, 4)
+
+
+def test_regressions_of_mass_and_size_differ_by_the_square_of_the_correlation():
+    rng = np.random.default_rng(3)
+    sizes = rng.integers(5, 25, 200)
+    length = (sizes / 3.0) ** (1 / 1.7) * rng.lognormal(0.0, 0.2, 200)
+    on_size, on_length = (fit_mass_size(sizes, length, 1.0, given) for given in GIVENS)
+    correlation = np.corrcoef(np.log(sizes), np.log(length))[0, 1]
+    np.testing.assert_allclose(on_length.exponent, correlation**2 * on_size.exponent, rtol=1e-12)
+    centre = np.exp(np.log([sizes, length]).mean(axis=1))  # through which both go
+    np.testing.assert_allclose([on_size(centre[1]), on_length(centre[1])], centre[0], rtol=1e-12)
+
+
+def test_mass_size_limits_cover_the_truth_at_their_stated_rate():
+    """As below, for lengths that scatter at given sizes."""
+    rng = np.random.default_rng(4)
+    covered = np.zeros(2)
+    for _ in range(400):
+        sizes = rng.integers(4, 40, 60)
+        length = (sizes / 3.0) ** (1 / 1.7) * rng.lognormal(0.0, 0.1, 60)
+        fit = fit_mass_size(sizes, length, 1.0)
+        covered += [fit.exponent_low < 1.7 < fit.exponent_high, fit.prefactor_low < 3.0 < fit.prefactor_high]
+    assert (np.abs(covered / 400 - 0.95) < 3 * np.sqrt(0.95 * 0.05 / 400)).all()
 
 
 def test_power_law_limits_cover_the_truth_at_their_stated_rate():

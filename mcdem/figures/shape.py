@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
 from ..runs import Run, pool
-from ..statistics import PowerLaw, fit_mass_size
+from ..statistics import GIVENS, PowerLaw, fit_mass_size
 from . import paper
 from .figure import Figure, quantity
 from .size_distribution import stretch
@@ -45,20 +45,28 @@ def mass_size(runs: Sequence[Run]) -> Figure:
     a = runs[0].radius
     numbers = found[["size", "radius_of_gyration", "outer_radius"]]
     lengths = {"gyration": "radius_of_gyration", "outer": "outer_radius"}
-    final = [_row(fit_mass_size(found["size"], found[name], a)) for name in lengths.values()]
-    numbers = numbers.assign_coords(length=list(lengths), limit=list(FIT))
+
+    def fits(population: xr.Dataset) -> list[list[list[float]]]:
+        return [
+            [_row(fit_mass_size(population["size"], population[name], a, given)) for name in lengths.values()]
+            for given in GIVENS
+        ]
+
+    numbers = numbers.assign_coords(given=list(GIVENS), length=list(lengths), limit=list(FIT))
     numbers["fit"] = quantity(
-        final, ("length", "limit"), "1", "P = k (length/a)^d over P > 3, with 95 % limits, last snapshot"
+        fits(found),
+        ("given", "length", "limit"),
+        "1",
+        "P = k (length/a)^d over P > 3 by either regression, with 95 % limits, last snapshot",
     )
     run = runs[0]
     chosen = np.unique(np.linspace(0, len(run.snapshot_times) - 1, MOST_SNAPSHOTS).round().astype(int))
     course = []
     for k in chosen:
-        one = run.population(int(k), rigidity=False)
-        course.append([_row(fit_mass_size(one["size"], one[name], a)) for name in lengths.values()])
+        course.append(fits(run.population(int(k), rigidity=False)))
     numbers["snapshot_time"] = quantity(run.snapshot_times[chosen], "snapshot", "s", "process time")
     numbers["course"] = quantity(
-        course, ("snapshot", "length", "limit"), "1", "the fit at each snapshot, first run"
+        course, ("snapshot", "given", "length", "limit"), "1", "the fits at each snapshot, first run"
     )
     return Figure(
         "fig09_mass_size",
@@ -69,7 +77,7 @@ def mass_size(runs: Sequence[Run]) -> Figure:
 
 
 def draw_mass_size(numbers: xr.Dataset) -> Canvas:
-    """Points, fit with its band, the paper's line; d_g and d_o against time."""
+    """Points, both regressions, the paper's line; d_g and d_o against time."""
     figure, axes = canvas(height=3.2)
     a = numbers.attrs["primary_radius"]
     x, p = numbers["radius_of_gyration"].values / a, numbers["size"].values
@@ -77,14 +85,15 @@ def draw_mass_size(numbers: xr.Dataset) -> Canvas:
     axes.scatter(x[fitted], p[fitted], 8, facecolors="none", edgecolors=BLUE, linewidths=0.5)
     small = (p <= 3) & (x > 0)
     axes.scatter(x[small], p[small], 6, color=GREY, marker="x", linewidths=0.5)
-    fit = dict(zip(FIT, numbers["fit"].sel(length="gyration").values, strict=True))
     span = np.geomspace(1.0, max(x.max(), 2) * 1.1, 50)
-    if np.isfinite(fit["exponent"]):
-        label = (
-            rf"$k_g$ = {fit['prefactor']:.2f} [{fit['prefactor_low']:.2f}, {fit['prefactor_high']:.2f}], "
-            rf"$d_g$ = {fit['exponent']:.2f} [{fit['exponent_low']:.2f}, {fit['exponent_high']:.2f}]"
-        )
-        axes.plot(span, fit["prefactor"] * span ** fit["exponent"], color=BLACK, label=label)
+    for given, line, words in (("size", "-", "$R_g$ on $P$"), ("length", ":", "$P$ on $R_g$")):
+        fit = dict(zip(FIT, numbers["fit"].sel(given=given, length="gyration").values, strict=True))
+        if np.isfinite(fit["exponent"]):
+            label = (
+                rf"{words}: $k_g$ = {fit['prefactor']:.2f} [{fit['prefactor_low']:.2f}, {fit['prefactor_high']:.2f}], "
+                rf"$d_g$ = {fit['exponent']:.2f} [{fit['exponent_low']:.2f}, {fit['exponent_high']:.2f}]"
+            )
+            axes.plot(span, fit["prefactor"] * span ** fit["exponent"], line, color=BLACK, label=label)
     if numbers.attrs["paper"]:
         k, d = paper.GYRATION_PREFACTOR, paper.GYRATION_EXPONENT
         axes.plot(span, k * span**d, "--", color=VERMILION, label=rf"paper: $k_g$ = {k:g}, $d_g$ = {d:g}")
@@ -102,7 +111,7 @@ def draw_mass_size(numbers: xr.Dataset) -> Canvas:
     inset = axes.inset_axes((0.10, 0.60, 0.55, 0.36))
     t = numbers["snapshot_time"].values
     for length, colour, words in (("gyration", BLUE, "$d_g$"), ("outer", ORANGE, "$d_o$")):
-        course = numbers["course"].sel(length=length)
+        course = numbers["course"].sel(given="size", length=length)
         inset.plot(t, course.sel(limit="exponent"), color=colour, lw=0.7, label=words)
         inset.fill_between(
             t,
@@ -121,7 +130,7 @@ def draw_mass_size(numbers: xr.Dataset) -> Canvas:
     inset.set_xlim(0, max(t[-1], 1e-9))
     inset.tick_params(labelsize=5.5)
     inset.set_xlabel("$t$ [s]", fontsize=6, labelpad=0)
-    title = "hatched, arrows: paper" if numbers.attrs["paper"] else None
+    title = "length on $P$" + ("; hatched, arrows: paper" if numbers.attrs["paper"] else "")
     inset.legend(fontsize=5.5, ncols=2, loc="upper right", title=title, title_fontsize=5)
     return figure
 
