@@ -268,6 +268,9 @@ class Population(Table):
     """Number of primary particles, all free, at the start."""
     doubling_below: Annotated[NonNegativeDimensionless, Field(lt=1.0)] = 0.75
     """The sample is doubled by exact copy when its aggregates become fewer than this fraction of `initial`; 0 for never."""
+    restructuring: bool = True
+    """Whether aggregates keep the shape that an encounter gave them which left them their primaries (missed or parted); false:
+    they go on as they came, to see what restructuring does."""
 
 
 class Run(Table):

@@ -76,6 +76,11 @@ class Process:
     def events(self) -> int:
         return self.record.events.rows
 
+    @property
+    def unchanged(self) -> tuple[str, ...]:
+        """Outcomes after which both aggregates go on as they came."""
+        return ("unresolved",) if self.scene.population.restructuring else ("unresolved", "missed", "parted")
+
     def wait(self, time: float) -> None:
         """Nothing happens until `time` [s]."""
         every = self.scene.run.snapshot_every
@@ -88,7 +93,7 @@ class Process:
         self.wait(meeting.time)
         places = (meeting.first, meeting.second)
         parents = [(self.population.serials[place], self.population.at(place)) for place in places]
-        if result.outcome == "unresolved":
+        if result.outcome in self.unchanged:
             products = [
                 Product(aggregate, serial, place, aggregate.size if place == meeting.first else 0)
                 for place, (serial, aggregate) in zip(places, parents, strict=True)

@@ -222,8 +222,8 @@ def find_steady_state(
     """The earliest start in the first 60 % of the run from which every series is steady.
 
     The two halves of what is left must agree within 2 % or 2 standard errors of their difference (Geweke 1992), by the
-    scatter of the second; the error of each mean be below 10 %; and the population have been renewed ten times, so that a short run
-    cannot pass for a steady one.
+    scatter of the second; the error of each mean be below 10 %; and the population have been renewed ten times, so that a
+    short run cannot pass for a steady one.
 
     turnovers : (T,) aggregates born until then, over the number there is; not asked for when None
     """

@@ -26,6 +26,7 @@ from mcdem.differences import differences
 from mcdem.errors import UserError
 from mcdem.foresight import BEGUN, PASSED, UNTOUCHED, Foresight, ready
 from mcdem.random_streams import stream
+from mcdem.runs import Run
 from mcdem.scene import load_scene
 from mcdem.simulate import Process
 
@@ -343,6 +344,19 @@ def test_a_run_needs_an_end_and_a_seed_in_range(tmp_path):
     with pytest.raises(UserError, match="seed = -1"):
         run(tmp_path / "run.nc", seed=-1)
     assert not (tmp_path / "run.nc").exists()
+
+
+@pytest.mark.parametrize("restructuring", [True, False])
+def test_without_restructuring_aggregates_go_on_as_they_came(tmp_path, restructuring):
+    scene = synthetic.scene(**synthetic.SMALL, population__restructuring=restructuring)
+    simulate.run(scene, tmp_path / "run.nc", events=400, encounter=synthetic.aggregation_and_breakup)
+    run = Run(tmp_path / "run.nc")
+    first = np.cumsum(run.events["number_of_products"].values) - run.events["number_of_products"].values
+    same = np.flatnonzero(np.isin(run.outcome, ("missed", "parted")))
+    out = np.stack([run.events["product_outer_radius"].values[first[same] + k] for k in (0, 1)], axis=1)
+    came = run.events["parent_outer_radius"].values[same]
+    assert len(same) > 50
+    assert (np.sort(out) == np.sort(came)).all() != restructuring
 
 
 def test_the_last_aggregate_ends_the_run(tmp_path):

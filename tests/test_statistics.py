@@ -137,7 +137,9 @@ def test_steady_state_is_found_after_the_growth_and_nowhere_in_a_ramp():
     assert state.reached and 500 < state.start < 3700
 
     drifting = {share: 20 * (1 + 2 * share * t / t[-1]) + 1e-3 * noise for share in (0.015, 0.1)}
-    assert find_steady_state(t, {"<P>": drifting[0.015]}).reached  # halves differ by 1.5 %, from any start by less
+    assert find_steady_state(
+        t, {"<P>": drifting[0.015]}
+    ).reached  # halves differ by 1.5 %, from any start by less
     assert not find_steady_state(t, {"<P>": drifting[0.1]}).reached  # by 4 % from the latest start
 
     ramp = find_steady_state(t, {"<P>": 1 + 20 * t / t[-1] + noise})
