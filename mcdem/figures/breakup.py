@@ -135,9 +135,9 @@ def draw_critical_size(numbers: xr.Dataset) -> Canvas:
     axes.set_xticks(ticks, [str(t) for t in ticks])
     axes.minorticks_off()
     top, bottom = axes.get_ylim()[1], axes.get_ylim()[0]
-    axes.set_ylim(max(bottom, 1.0), top * 3.5)
+    axes.set_ylim(max(bottom, 1.0), top * 9.0)
     axes.set_yticks([1, 2, 5, 10, 20, 50, 100, 200], ["1", "2", "5", "10", "20", "50", "100", "200"])
-    axes.set_ylim(max(bottom, 1.0), top * 3.5)
+    axes.set_ylim(max(bottom, 1.0), top * 9.0)
     axes.set_xlabel(r"shear stress  $\mu\dot\gamma$ [Pa]")
     axes.set_ylabel("number of primaries")
     steady = "" if bool(numbers["steady"].all()) else "; not all runs are steady"
