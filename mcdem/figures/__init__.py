@@ -2,7 +2,7 @@
 
 One file for each group of figures: `growth` (6, 7), `size_distribution` (8), `shape` (9, 11, 12, 13, isostaticity),
 `clusters` (10, Table 2), `forces` (5), `encounter` (14), `breakup` (15, 16), `outcomes` (offset, first bond loss,
-tension). `paper` holds what Frungieri & Vanni print, to be marked in them.
+tension), `strength` (static load). `paper` holds what Frungieri & Vanni print, to be marked in them.
 """
 
 from __future__ import annotations

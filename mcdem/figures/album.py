@@ -9,7 +9,7 @@ from .. import trajectory
 from ..errors import UserError
 from ..runs import Run, by_stress
 from ..trajectory import Trajectory
-from . import breakup, clusters, encounter, forces, growth, outcomes, shape, size_distribution
+from . import breakup, clusters, encounter, forces, growth, outcomes, shape, size_distribution, strength
 from .figure import Figure
 from .style import look
 
@@ -34,6 +34,7 @@ OF_ONE_STRESS = (
     outcomes.outcome_offset,
     outcomes.first_bond_loss,
     outcomes.bond_tension,
+    strength.static_load,
 )
 """One figure for each stress, its replicas together."""
 
