@@ -141,7 +141,7 @@ def draw_critical_size(numbers: xr.Dataset) -> Canvas:
     axes.set_xlabel(r"shear stress  $\mu\dot\gamma$ [Pa]")
     axes.set_ylabel("number of primaries")
     steady = "" if bool(numbers["steady"].all()) else "; not all runs are steady"
-    legend(axes, f"bars: standard deviation; small numbers: breakups{steady}", loc="upper right")
+    legend(axes, f"bars: standard deviation\nsmall numbers: breakups{steady}", loc="upper right")
     return figure
 
 
