@@ -25,7 +25,7 @@ def runs(context: Context) -> tuple[Path, ...]:
     """Datasets of `mcdem run`."""
     if context.given.runs:
         return context.given.runs
-    return tuple(sorted(FOLDER.glob("run-*Pa.nc")))
+    return tuple(sorted(FOLDER.glob("run-*.nc")))
 
 
 def fractal_motion() -> dict[str, dict[str, Any]]:
