@@ -18,7 +18,7 @@ EXPLAINED = {
     "growth from": "open: with the efficiencies measured, K_12/K_11 is (3/2)^3 times 0.43, so 1.5, and while "
     "<P> grows from 2 to 4 ten encounters stick for one that breaks: nothing here holds growth back so early; a run at 750 Pa, "
     "where the paper too finds it accelerated, has the same ratio, 2.1 +- 0.5 against 2.0 +- 0.5",
-    "σ_P/⟨P⟩": "open: the population balance gives 0.60 only if primaries were caught 10 to 20 times less often than they are; the "
+    "σ_P/⟨P⟩": "open: the population balance gives 0.60 if primaries were caught 10 to 20 times less often than they are; the "
     "paper's own stepping catches the same ones (benchmarks/paper_scheme.py)",
     "d_g, P > 3, P on": "a matter of the regression: that of length on P meets it",
     "k_g, P > 3, P on": "as of d_g",
