@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from mcdem import trajectory
 from mcdem.breakup import READINGS, in_reading
 from mcdem.cli import app
-from mcdem.figures import draw_all, figures_of, plot_run
+from mcdem.figures import breakup, draw_all, figures_of, plot_run
 from mcdem.figures.encounter import MOMENTS, moments
 from mcdem.runs import Run
 
@@ -71,6 +71,16 @@ def test_distributions_count_every_aggregate():
     for reading in READINGS:
         counted = int(numbers_of("fig16")["count"].sel(reading=reading).sum())
         assert counted == (late & in_reading(run.breakups, reading)).sum() > 0
+
+
+def test_stresses_may_have_any_number_of_replicas():
+    one, other = (Run(path) for path in small_runs())
+    numbers = breakup.critical_size([one, other, other]).numbers
+    alone = breakup.critical_size([one, other]).numbers
+    np.testing.assert_allclose(numbers["mean_size"], alone["mean_size"], rtol=1e-12)
+    np.testing.assert_allclose(
+        numbers["mean_size_error"], alone["mean_size_error"] / [1, np.sqrt(2)], rtol=1e-12
+    )
 
 
 def test_pair_force_has_the_papers_scales():

@@ -20,16 +20,14 @@ def critical_size(runs: Sequence[Run]) -> Figure:
     """Fig. 15: size just before breakup and mean size at steady state against shear stress."""
     groups = by_stress(runs)
     stresses = np.array(list(groups))
-    mean = np.array(
-        [[run.average("mean_size").mean for run in group] + [np.nan] * 99 for group in groups.values()]
-    )
+    mean = [np.mean([run.average("mean_size").mean for run in group]) for group in groups.values()]
     error = [
         np.sqrt(sum(run.average("mean_size").error ** 2 for run in group)) / len(group)
         for group in groups.values()
     ]
     deviation = [np.mean([run.average("size_deviation").mean for run in group]) for group in groups.values()]
     numbers = xr.Dataset(coords={"stress": quantity(stresses, "stress", "Pa", "shear stress")})
-    numbers["mean_size"] = quantity(np.nanmean(mean, axis=1), "stress", "1", "<P> at steady state")
+    numbers["mean_size"] = quantity(mean, "stress", "1", "<P> at steady state")
     numbers["mean_size_error"] = quantity(error, "stress", "1", "standard error of <P>")
     numbers["size_deviation"] = quantity(deviation, "stress", "1", "sigma_P")
     numbers["steady"] = ("stress", [all(run.steady.reached for run in group) for group in groups.values()])
