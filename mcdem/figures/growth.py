@@ -173,7 +173,7 @@ def draw_sauter(numbers: xr.Dataset) -> Canvas:
     figure, axes = canvas()
     _lines(axes, numbers, "sauter_diameter")
     axes.set_ylabel(r"Sauter diameter  $d_{32}$ [µm]")
-    axes.set_ylim(0, 1.35 * float(numbers["sauter_diameter"].max()))
+    axes.set_ylim(0, 1.7 * float(numbers["sauter_diameter"].max()))
     return figure
 
 

@@ -259,6 +259,6 @@ CASE = Case(
     inputs=datasets.runs,
     seen=("clock_slow",),
     expected=Verdict.differs,
-    because="open: growth accelerates at 1000 Pa too. The committed runs are not steady by the stated test (at 1000 Pa <P> moves "
-    "by 1 % within the last 48 s), so steady numbers are shown but not judged",
+    because="open: growth accelerates at 1000 Pa too. The committed runs are not steady by the stated test (at 1000 Pa sigma_P "
+    "falls by 3 % within the last 48 s), so steady numbers are shown but not judged",
 )
