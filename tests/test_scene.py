@@ -204,7 +204,7 @@ MISTAKES = {
     ),
     "unknown key without a neighbour": (
         "initial = 200", "initial = 200\nxyzzy = 1",
-        '[population] unknown key "xyzzy"; known here: initial, doubling_below',
+        '[population] unknown key "xyzzy"; known here: initial, doubling_below, restructuring',
     ),
     "unknown table": ("[population]", "[populaton]", 'unknown table "populaton"; did you mean "population"?'),
     "unknown effect": ("[effects.jkr]", "[effects.jrk]", '[effects] unknown table "jrk"; did you mean "jkr"?'),
