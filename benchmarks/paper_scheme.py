@@ -7,7 +7,7 @@
 Pairs are drawn from the late population of a run, each with one orientation and offset for both schemes, and sorted by what
 the default scheme makes of them: a primary that meets an aggregate, caught or nearly so; two aggregates that part, hold,
 break, or lose one or two primaries.  A few of each kind are followed by explicit Euler with the time step of Eq. 20.  It takes
-half a minute an encounter by the first reading, several by the second; what is in FILE.csv is not done again.
+some ten seconds an encounter by the first reading, minutes by the second; what is in FILE.csv is not done again.
 
 An encounter of many contacts is chaotic: where one scheme tears a primary out, the other may not.  What counts is whether a
 kind that the default leaves alone breaks under the paper's scheme more often than the other way round.
@@ -81,6 +81,10 @@ def kind_of(result: EncounterResult, size_i: int, radius: float) -> str:
 def drawn(scene: mcdem.Scene, pool: list[mcdem.Aggregate]) -> Iterator[tuple[str, int, list, str]]:
     """(kind, seed, the two aggregates, outcome) until there are enough of each kind."""
     large = [aggregate for aggregate in pool if aggregate.size >= SMALLEST]
+    if not large:
+        sys.exit(
+            f"no aggregate of {SMALLEST} primaries or more in the snapshots chosen; take more of them by an earlier --since"
+        )
     left = dict(WANTED)
     for group, kinds in ((1, ("caught", "near")), (2, ("parted", "aggregation", "broken", "eroded"))):
         for seed in range(1, MOST_DRAWN + 1):

@@ -19,7 +19,7 @@ from .statistics import Given, fit_mass_size, fit_power_law, share
 
 RULE = (
     "agrees: the paper's value, with half a unit of its last digit, or its range, meets this run's 95 % limits; "
-    "for a bound, the limits reach it"
+    "for a bound, the limits reach it; of mass-size fits the limits are those of single snapshots, as the paper's is one"
 )
 
 

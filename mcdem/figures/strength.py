@@ -9,14 +9,14 @@ import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
 from ..runs import Run
-from ..statistics import fit_power_law
+from ..statistics import SMALLEST_FITTED, fit_power_law
 from ..strength import worst_loads
+from . import paper
 from .figure import Figure, quantity
 from .style import BLACK, BLUE, GREY, VERMILION, canvas, legend
 
 MOST_SNAPSHOTS = 8
-SMALLEST = 4
-"""Primaries from which an aggregate has a shape to speak of."""
+"""Of each run: aggregates live on from one to the next, so more snapshots would tell little more."""
 
 
 def static_load(runs: Sequence[Run]) -> Figure | None:
@@ -27,7 +27,7 @@ def static_load(runs: Sequence[Run]) -> Figure | None:
             return None
         late = run.late_snapshots
         for k in np.unique(np.linspace(0, len(late) - 1, MOST_SNAPSHOTS).astype(int)):
-            large = [aggregate for aggregate in run.aggregates(late[k]) if aggregate.size >= SMALLEST]
+            large = [aggregate for aggregate in run.aggregates(late[k]) if aggregate.size >= SMALLEST_FITTED]
             sizes += [aggregate.size for aggregate in large]
             loads += worst_loads(run.scene, large).tolist()
     size, load = np.array(sizes), np.array(loads)
@@ -47,7 +47,10 @@ def static_load(runs: Sequence[Run]) -> Figure | None:
             ),
             "prefactor": quantity(fit.prefactor, (), "1", "load = prefactor P^exponent"),
         },
-        attrs={"floppy": int((~rigid).sum())},
+        attrs={
+            "floppy": int((~rigid).sum()),
+            "paper": int(any(paper.holds_for(runs[0].scene, stress) for stress in paper.STRESSES)),
+        },
     )
     return Figure(
         "static_load",
@@ -69,13 +72,10 @@ def draw_static_load(numbers: xr.Dataset) -> Canvas:
     if exponent > 0:
         words += rf": $q$ = {1 / exponent:.2f}"
     axes.plot(span, float(numbers["prefactor"]) * span**exponent, color=BLACK, label=words)
-    axes.plot(
-        span,
-        load.mean() * (span / size.mean()) ** 0.5,
-        ":",
-        color=VERMILION,
-        label=r"$\propto P^{1/2}$: $q$ = 2",
-    )
+    if numbers.attrs["paper"]:
+        q = paper.BREAKUP_EXPONENT
+        label = f"slope of $q$ = {q:g} (paper)"
+        axes.plot(span, load.mean() * (span / size.mean()) ** (1.0 / q), ":", color=VERMILION, label=label)
     axes.axhline(1.0, color=GREY, lw=0.6, ls="--")
     axes.set_xscale("log")
     axes.set_yscale("log")
