@@ -439,7 +439,7 @@ class Record:
                 "primary_radius": self.scene.suspension.radius,
                 "software": software(),
                 "history": "\n".join(self.history),
-                "command": shlex.join(sys.argv),
+                "command": _command(),
                 "date_modified": datetime.now(UTC).isoformat(timespec="seconds"),
                 "computed_in_vain": computed_in_vain,
             },
@@ -602,6 +602,11 @@ def _put_state(group: netCDF4.Dataset, state: dict[str, Any]) -> None:
         stored[...] = array
 
 
+def _command() -> str:
+    """The command line, without the folder in which the program lies here."""
+    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+
+
 def software() -> str:
     """The versions that can change a number."""
     packages = []
@@ -614,7 +619,7 @@ def software() -> str:
 def _stretch(events: int, time: float) -> str:
     """Who computes from here on: a line of the dataset's history, as a run may be resumed by another version."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    return f"{now} from event {events}, t = {time:.6g} s: {software()}: {shlex.join(sys.argv)}"
+    return f"{now} from event {events}, t = {time:.6g} s: {software()}: {_command()}"
 
 
 def stretches(file: netCDF4.Dataset) -> list[str]:
