@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -194,6 +195,9 @@ def pool(datasets: Iterable[xr.Dataset], dim: str) -> xr.Dataset:
     return xr.concat(list(datasets), dim, combine_attrs="drop_conflicts", join="exact")
 
 
+OF_REPLICAS = ("suspension", "flow", "effects", "hydrodynamics", "numerics", "population.restructuring")
+
+
 def by_stress(runs: Iterable[Run]) -> dict[float, list[Run]]:
     """Replicas together, by rising shear stress [Pa].
 
@@ -202,10 +206,10 @@ def by_stress(runs: Iterable[Run]) -> dict[float, list[Run]]:
     groups: dict[float, list[Run]] = {}
     for run in sorted(runs, key=lambda run: run.stress):
         group = groups.setdefault(round(run.stress, 6), [])
-        for table in ("suspension", "flow", "effects", "hydrodynamics", "numerics"):
-            if group and getattr(group[0].scene, table) != getattr(run.scene, table):
+        for name in OF_REPLICAS:
+            if group and attrgetter(name)(group[0].scene) != attrgetter(name)(run.scene):
                 raise UserError(
-                    f"{group[0].path} and {run.path}: both of {run.label}, but [{table}] of their scenes differs; "
+                    f"{group[0].path} and {run.path}: both of {run.label}, but [{name}] of their scenes differs; "
                     "take them one at a time"
                 )
         group.append(run)

@@ -67,11 +67,22 @@ def test_replicas_are_pooled(run):
     np.testing.assert_allclose(twice["P_br"], alone["P_br"])
 
 
-def test_runs_that_are_no_replicas_are_not_pooled(run):
+@pytest.mark.parametrize(
+    ("key", "value", "named"),
+    [
+        ("effects.jkr.elastic_modulus", "10 GPa", "effects"),
+        ("population.restructuring", False, "population.restructuring"),
+    ],
+)
+def test_runs_that_are_no_replicas_are_not_pooled(run, key, value, named):
     other = Run(run.path)
-    other.scene = run.scene.with_changes({"effects.jkr.elastic_modulus": "10 GPa"})
-    with pytest.raises(UserError, match=r"\[effects\] of their scenes differs"):
+    other.scene = run.scene.with_changes({key: value})
+    with pytest.raises(UserError, match=rf"\[{named}\] of their scenes differs"):
         by_stress([run, other])
+
+
+def test_replicas_may_differ_in_seed_and_sample(run):
+    other = Run(run.path)
     other.scene = run.scene.with_changes({"run.seed": 7, "population.initial": 90})
     assert len(by_stress([run, other])) == 1
 
