@@ -49,12 +49,12 @@ class Row:
 
     @property
     def agrees(self) -> bool | None:
-        """None where there is too little to say: no steady state, no number, or limits wider than twice the value."""
+        """None where there is too little to say: no steady state, no number, or limits that meet because they are wide,
+        by more than twice the value."""
         if self.unsettled or not np.isfinite([self.measured, self.measured_low, self.measured_high]).all():
             return None
-        if self.measured_high - self.measured_low > 2 * abs(self.measured):
-            return None
-        return self.measured_low <= self.high and self.measured_high >= self.low
+        meet = self.measured_low <= self.high and self.measured_high >= self.low
+        return None if meet and self.measured_high - self.measured_low > 2 * abs(self.measured) else meet
 
 
 def compare(runs: Sequence[Run]) -> list[Row]:
@@ -339,15 +339,18 @@ def _shapes(runs: Sequence[Run]) -> Iterator[Row]:
     rods = share(int((shaped & (ratio > paper.RODS_ABOVE)).sum()), int(shaped.sum()))
     yield Row("share with A.R. > 2.50, P > 2", "significant", RODS_SIGNIFICANT, 1.0, *rods, int(shaped.sum()))
     yield from _aspect_ratios(size[size > 3], ratio[size > 3])
-    for shape, printed, low, high in (
-        ("ellipsoid", "independent of size", -0.15, 0.15),
-        ("sphere", "falls with size", -np.inf, -0.15),
+    solid = pool([run.population(-1, "spheres", rigidity=False) for run in runs], "aggregate")
+    flat, falling = ("independent of size", -0.15, 0.15), ("falls with size", -np.inf, -0.15)
+    for words, of, shape, (printed, low, high) in (
+        ("the ellipsoid of points", found, "ellipsoid", flat),
+        ("the ellipsoid of solid primaries", solid, "ellipsoid", flat),
+        ("the sphere", found, "sphere", falling),
     ):
-        some = size > 3
-        law = fit_power_law(size[some], found[f"solid_fraction_{shape}"].values[some])
+        some = of["size"].values > 3
+        law = fit_power_law(of["size"].values[some], of[f"solid_fraction_{shape}"].values[some])
         limits = (law.exponent, law.exponent_low, law.exponent_high) if law else (np.nan,) * 3
         yield Row(
-            f"exponent of the solid fraction in the {shape} against P",
+            f"exponent of the solid fraction in {words} against P",
             printed,
             low,
             high,

@@ -87,6 +87,8 @@ def test_verdict_is_about_limits():
     assert Row("x", "1.68", 1.675, 1.685, 1.5, 1.4, 1.6, 50).agrees is False
     assert Row("x", "1.68", 1.675, 1.685, 1.6, 0.0, 9.0, 50).agrees is None
     assert Row("x", "1.68", 1.675, 1.685, np.nan, np.nan, np.nan, 0).agrees is None
+    assert Row("x", "0.10", 0.05, 0.15, 0.0, 0.0, 4e-4, 10_000).agrees is False
+    assert Row("x", "0.10", 0.05, 0.15, 0.0, 0.0, 0.3, 10).agrees is None
 
 
 def test_no_exponent_from_two_stresses():
