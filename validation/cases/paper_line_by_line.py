@@ -26,10 +26,10 @@ EXPLAINED = {
     "largest fragment": "a matter of the parent: it is met where each aggregate is taken for itself",
     "share between 0.90": "as of the largest fragment",
     "erosion's share": "as of the largest fragment",
-    "exponent of the solid fraction in the ellipsoid of points": "a matter of the reading: without the primaries' own inertia the "
-    "ellipsoid of a small cluster is too small to hold them (solid fractions near 1); that of solid primaries agrees",
-    "scatter of d_32": "a matter of the stretch: where the test calls a run steady while <P> takes its last step, that step scatters "
-    "<P> alone; from 65 s on the ratio is near 1 at 750 Pa as at 1000 Pa",
+    "exponent of the solid fraction in the ellipsoid of points": "a matter of the reading: without the primaries' own inertia "
+    "the ellipsoid of a small cluster is too small to hold them (solid fractions near 1); that of solid primaries agrees",
+    "scatter of d_32": "a matter of the stretch: where it is called steady while <P> takes its last step, that step scatters <P> "
+    "alone; from 65 s on the ratio is near 1 at 750 Pa as at 1000 Pa",
     "breakup exponent": "open: statics of rigid aggregates gives 1.2 with stresslets and 1.8 without (notebook 02)",
 }
 """What is known of numbers that differ, by how their names begin."""
