@@ -8,6 +8,7 @@ tell why: each changes one assumption of the balance and leaves the rest.
 from __future__ import annotations
 
 import itertools
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -46,6 +47,23 @@ class Comparison:
     steady: SteadyState
 
 
+OF_THE_SAMPLE = {
+    "run": ("until", "events", "seed", "snapshot_every"),
+    "population": ("initial", "doubling_below"),
+}
+"""Keys of a scene that say how much of a suspension was followed, not what it does."""
+
+
+def other_tables(one: str, other: str) -> list[str]:
+    """The tables in which two scene files (TOML) differ by what a suspension does, as they are written."""
+    scenes = [tomllib.loads(text) for text in (one, other)]
+    for scene in scenes:
+        for name, keys in OF_THE_SAMPLE.items():
+            scene[name] = {k: v for k, v in scene.get(name, {}).items() if k not in keys}
+    first, second = scenes
+    return sorted(name for name in first.keys() | second.keys() if first.get(name) != second.get(name))
+
+
 def compare(
     table: KernelTable,
     run: MonteCarlo | None,
@@ -59,8 +77,10 @@ def compare(
     until : [s], the run's end by default
     """
     tell = progress or (lambda what, share: None)
-    if run is not None and run.scene and table.about.get("scene") not in (None, run.scene):
-        raise PBEError(f"{run.path}: is of another scene than the table")
+    if run is not None and run.scene and table.about.get("scene"):
+        differs = other_tables(run.scene, str(table.about["scene"]))
+        if differs:
+            raise PBEError(f"{run.path}: [{']; ['.join(differs)}] of its scene is not that of the table")
     if until is None:
         if run is None:
             raise PBEError("compare: without a run, say until when")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import synthetic
@@ -17,6 +19,7 @@ from pbekit.analytical import AnalyticalBalance
 from pbekit.between import Between, between
 from pbekit.cli import app
 from pbekit.closures import Closure, grid_for, start_of
+from pbekit.compare import other_tables
 from pbekit.errors import PBEError
 from pbekit.finite import population_course
 from pbekit.monte_carlo import MonteCarlo
@@ -26,6 +29,7 @@ from pbekit.switches import distance, switches
 from pbekit.tables import KernelTable
 from pbekit.uncertainty import course_output, eta_11
 
+SCENES = Path(__file__).parent.parent / "scenes"
 ABOUT = {"volume_fraction": 0.04, "viscosity": 1.0, "hamaker_constant": 0.01, "shear_stress": 1.0}
 
 
@@ -296,3 +300,19 @@ def test_solve_interpolates(three_stresses, tmp_path):
     assert done.exit_code == 2 and "--stress" in done.output
     done = call("solve", low, middle, "--stress", 5, "-o", tmp_path / "m.nc")
     assert done.exit_code == 2 and "between" in done.output
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "differs"),
+    [
+        ("initial = 200", "initial = 100", []),
+        ('until = "300 s"', 'until = "20 s"', []),
+        ("lubrication_cutoff = 5e-3", "lubrication_cutoff = 1e-2", ["hydrodynamics"]),
+        ("doubling_below = 0.75", "restructuring = false", ["population"]),
+        ("[effects.jkr]", "[effects.dmt]", ["effects"]),
+    ],
+)
+def test_a_scene_is_the_same_whatever_the_sample(old, new, differs):
+    scene = (SCENES / "paper-1000Pa.toml").read_text(encoding="utf-8")
+    assert old in scene
+    assert other_tables(scene, scene.replace(old, new)) == differs
