@@ -30,7 +30,7 @@ from mcdem.runs import Run
 
 SMALLEST = 8
 """Primaries of the aggregates that meet."""
-WANTED = {"caught": 60, "near": 10, "parted": 60, "aggregation": 25, "broken": 20, "eroded": 12}
+WANTED = {"caught": 40, "near": 5, "parted": 50, "aggregation": 15, "broken": 10, "eroded": 8}
 """Encounters of each kind."""
 NEAR = 0.2
 """Smallest gap over radius of a miss that is nearly a capture."""

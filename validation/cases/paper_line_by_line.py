@@ -15,11 +15,12 @@ EXPLAINED = {
     "falls from 2.7 to 1.7 while <P> grows from 2 to 6 and passes 2.1 at <P> near 3, and a fit to P instead of ln P is lower by "
     "0.3 (readings below); the paper says neither when its first value was taken nor how it was fitted",
     "d_o of the first clusters": "as of d_g",
-    "growth from": "open: with the efficiencies measured, K_12/K_11 is (3/2)^3 times 0.43, so 1.5, and while "
-    "<P> grows from 2 to 4 ten encounters stick for one that breaks: nothing here holds growth back so early; a run at 750 Pa, "
-    "where the paper too finds it accelerated, has the same ratio, 2.1 +- 0.5 against 2.0 +- 0.5",
-    "σ_P/⟨P⟩": "open: the population balance gives 0.60 if primaries were caught 10 to 20 times less often than they are; the "
-    "paper's own stepping catches the same ones (benchmarks/paper_scheme.py)",
+    "growth from": "open: it falls with stress as the paper says, 2.7 +- 0.5 at 750 Pa, 1.9 +- 0.6 at 875 and 1.8 +- 0.3 at 1000 "
+    "(two runs each but at 875), but not to 1: with the efficiencies measured, K_12/K_11 is (3/2)^3 times 0.43, so 1.5, and "
+    "while <P> grows from 2 to 4 ten encounters stick for one that breaks: nothing here holds growth back so early",
+    "σ_P/⟨P⟩": "open: it passes 0.60 at 31 s, when a quarter of the aggregates are primaries of the start not caught yet; to "
+    "stay there the population balance needs primaries caught 10 to 20 times less often. The paper's own stepping catches the "
+    "same ones (benchmarks/paper_scheme.py), and no switch of notebook 02 leaves many",
     "d_g, P > 3, P on": "a matter of the regression: that of length on P meets it",
     "k_g, P > 3, P on": "as of d_g",
     "d_o, P > 3, P on": "as of d_g",
@@ -30,7 +31,7 @@ EXPLAINED = {
     "the ellipsoid of a small cluster is too small to hold them (solid fractions near 1); that of solid primaries agrees",
     "scatter of d_32": "a matter of the stretch: where it is called steady while <P> takes its last step, that step scatters <P> "
     "alone; from 65 s on the ratio is near 1 at 750 Pa as at 1000 Pa",
-    "breakup exponent": "open: statics of rigid aggregates gives 1.2 with stresslets and 1.8 without (notebook 02)",
+    "breakup exponent": "open: statics of rigid aggregates gives 1.2 with stresslets and 1.9 without (notebook 02)",
 }
 """What is known of numbers that differ, by how their names begin."""
 
@@ -263,6 +264,6 @@ CASE = Case(
     inputs=datasets.runs,
     seen=("clock_slow",),
     expected=Verdict.differs,
-    because="open: growth accelerates at 1000 Pa too. The committed runs are not steady by the stated test (at 1000 Pa sigma_P "
-    "falls by 3 % within the last 48 s), so steady numbers are shown but not judged",
+    because="open: the steady population is narrower, growth still accelerates at 1000 Pa, and what breaks depends less on "
+    "stress; every other difference is a matter of the reading, said with its number",
 )

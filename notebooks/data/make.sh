@@ -1,0 +1,82 @@
+#!/usr/bin/env bash
+# Makes the data of the notebooks: runs of the paper's suspension, thinned, and what is derived from them.
+#
+#     bash notebooks/data/make.sh WORK [STEP...]        steps: runs switches tables vary paper_scheme; all by default
+#
+# Whole runs go to the folder WORK and are continued from there, so it may be stopped at any time and called again; results
+# go to WORK/data. Two runs at a time need about five hours in all; JOBS=8 makes it eight at a time.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+scenes=$(cd "$here/../../scenes" && pwd)
+work=${1:?where the whole runs go}
+shift
+steps=${*:-runs switches tables vary paper_scheme}
+mkdir -p "$work/data/switches"
+cd "$work"
+export OPENBLAS_NUM_THREADS=1
+
+# name, stress [Pa], primaries at the start, seed, until [s]
+runs='
+growth-750Pa 750 200 1 32
+run-1000Pa 1000 200 1 130
+run-1000Pa-of-100-seed-2 1000 100 2 120
+run-750Pa-of-100 750 100 1 108
+run-875Pa-of-100 875 100 1 135
+run-1250Pa 1250 200 1 150
+run-1500Pa-of-100 1500 100 1 200
+'
+# name, the key of the scene that is switched (a sed expression)
+switches='
+as-given s/^$//
+frozen-shapes s/^doubling_below/restructuring=false\n&/
+cutoff-1e-2 s/^lubrication_cutoff.*/lubrication_cutoff=1e-2/
+cutoff-2e-3 s/^lubrication_cutoff.*/lubrication_cutoff=2e-3/
+rotations-32 s/^rotations.*/rotations=32/
+'
+
+follow() { # scene, run, seed, until
+    mcdem run "$1" -o "$2" --seed "$3" --until "$4 s" --resume --workers 1
+}
+export -f follow
+
+if [[ $steps == *runs* ]]; then
+    grep . <<<"$runs" | while read -r name stress initial seed until; do
+        sed "s/^initial = .*/initial = $initial/" "$scenes/paper-${stress}Pa.toml" >"$name.toml"
+        echo "$name.toml $name.nc $seed $until"
+    done | xargs -P "${JOBS:-2}" -L 1 bash -c 'follow "$@"' follow
+    grep . <<<"$runs" | while read -r name _; do
+        mcdem thin "$name.nc" -o "data/$name.nc" --every "5 s" --overwrite
+    done
+fi
+
+if [[ $steps == *switches* ]]; then
+    grep . <<<"$switches" | while read -r name change; do
+        sed -e "s/^initial = .*/initial = 60/" -e "$change" "$scenes/paper-1000Pa.toml" >"$name.toml"
+        echo "$name.toml $name.nc 1 60"
+    done | xargs -P "${JOBS:-2}" -L 1 bash -c 'follow "$@"' follow
+    grep . <<<"$switches" | while read -r name _; do
+        mcdem thin "$name.nc" -o "data/switches/$name.nc" --every "5 s" --overwrite
+    done
+fi
+
+cd data
+if [[ $steps == *tables* ]]; then
+    for stress in 750 875 1000 1250 1500; do
+        run=run-${stress}Pa.nc # the second run at 1000 Pa is left to compare with
+        [[ -e $run ]] || run=run-${stress}Pa-of-100.nc
+        mcdem kernels "$scenes/paper-${stress}Pa.toml" --from "$run" -o "kernels-${stress}Pa.nc" \
+            --encounters 400 --workers 1 --overwrite
+    done
+fi
+
+if [[ $steps == *vary* ]]; then
+    mcdem vary "$scenes/paper-1000Pa.toml" --from run-1000Pa.nc --encounters 1000 --seed 1 -o vary-1000Pa.png \
+        --set hydrodynamics.lubrication_cutoff=2e-3,1e-2 \
+        --set "effects.van_der_waals.london_wavelength=200 nm,none" \
+        --set numerics.rotations=1,32 --set numerics.max_step=0.1 \
+        --set "effects.van_der_waals.minimum_approach=0.3 nm"
+fi
+
+if [[ $steps == *paper_scheme* ]]; then
+    python "$here/../../benchmarks/paper_scheme.py" run-1000Pa.nc -o paper-scheme-1000Pa.csv
+fi
