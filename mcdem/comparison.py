@@ -50,7 +50,8 @@ class Row:
     @property
     def agrees(self) -> bool | None:
         """None where there is too little to say: no steady state, no number, or limits that meet because they are wide,
-        by more than twice the value."""
+        by more than twice the value.
+        """
         if self.unsettled or not np.isfinite([self.measured, self.measured_low, self.measured_high]).all():
             return None
         meet = self.measured_low <= self.high and self.measured_high >= self.low
