@@ -70,7 +70,7 @@ if [[ $steps == *tables* ]]; then
 fi
 
 if [[ $steps == *vary* ]]; then
-    mcdem vary "$scenes/paper-1000Pa.toml" --from run-1000Pa.nc --encounters 1000 --seed 1 -o vary-1000Pa.png \
+    mcdem vary "$scenes/paper-1000Pa.toml" --from run-1000Pa.nc --encounters 1000 --seed 1 -o vary-1000Pa.png --overwrite \
         --set hydrodynamics.lubrication_cutoff=2e-3,1e-2 \
         --set "effects.van_der_waals.london_wavelength=200 nm,none" \
         --set numerics.rotations=1,32 --set numerics.max_step=0.1 \
