@@ -196,6 +196,7 @@ def pool(datasets: Iterable[xr.Dataset], dim: str) -> xr.Dataset:
 
 
 OF_REPLICAS = ("suspension", "flow", "effects", "hydrodynamics", "numerics", "population.restructuring")
+"""Tables and keys of the scene that replicas share: all that decides what becomes of an aggregate."""
 
 
 def by_stress(runs: Iterable[Run]) -> dict[float, list[Run]]:

@@ -4,13 +4,18 @@
 #     bash notebooks/data/make.sh WORK [STEP...]        steps: runs switches tables vary paper_scheme; all by default
 #
 # Whole runs go to the folder WORK and are continued from there, so it may be stopped at any time and called again; results
-# go to WORK/data. Two runs at a time need about five hours in all; JOBS=8 makes it eight at a time.
+# go to WORK/data. Two runs at a time need about four hours in all; JOBS=8 makes it eight at a time.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 scenes=$(cd "$here/../../scenes" && pwd)
 work=${1:?where the whole runs go}
 shift
-steps=${*:-runs switches tables vary paper_scheme}
+all='runs switches tables vary paper_scheme'
+steps=${*:-$all}
+for step in $steps; do
+    [[ " $all " == *" $step "* ]] || { echo "no step $step; expected some of: $all" >&2; exit 2; }
+done
+command -v mcdem >/dev/null || { echo "mcdem is not on the path: activate the environment it is installed in" >&2; exit 2; }
 mkdir -p "$work/data/switches"
 cd "$work"
 export OPENBLAS_NUM_THREADS=1

@@ -19,9 +19,9 @@ EXPLAINED = {
     "(two runs each but at 875), but not to 1: with the efficiencies measured, K_12/K_11 is (3/2)^3 times 0.43, so 1.5, and "
     "while <P> grows from 2 to 4 ten encounters stick for one that breaks: nothing here holds growth back so early",
     "σ_P/⟨P⟩": "open: it passes 0.60 at 31 s, when a quarter of the aggregates are primaries of the start not caught yet; to "
-    "stay there the population balance needs primaries caught 10 to 20 times less often. The paper's own stepping catches nine "
-    "in ten of the same (benchmarks/paper_scheme.py), and of the switches in "
-    "notebook 02 only a smaller cut-off of lubrication catches them later",
+    "stay there the population balance needs primaries caught ten times less often. The paper's own stepping catches nine in ten "
+    "of the same (benchmarks/paper_scheme.py), and of the switches in notebook 02 only a smaller cut-off of lubrication catches "
+    "them later",
     "d_g, P > 3, P on": "a matter of the regression: that of length on P meets it",
     "k_g, P > 3, P on": "as of d_g",
     "d_o, P > 3, P on": "as of d_g",
