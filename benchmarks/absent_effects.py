@@ -136,7 +136,7 @@ class Steps:
     """Steps of one scene from the same start, again and again."""
 
     def __init__(self, scene, zeroed: str = "", contacts: bool = True):
-        from mcdem import encounter
+        from mcdem.encounter import simulate as encounter
 
         self.flow, self.physics = encounter.physics_of(scene)
         if zeroed:
@@ -149,9 +149,9 @@ class Steps:
         """(velocities (N, 3) of the last step, processor time of a step [s], strain at its end)."""
         import numpy as np
 
-        from mcdem.stepping import state
-        from mcdem.stepping.implicit import find_gaps, scratch
-        from mcdem.stepping.march import march, new_watch
+        from mcdem.integrators import state
+        from mcdem.integrators.implicit_midpoint import find_gaps, scratch
+        from mcdem.integrators.time_loop import march, new_watch
 
         n = PRIMARIES
         motion = state.Motion(

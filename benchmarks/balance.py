@@ -23,8 +23,8 @@ from pbekit import (
     Restructuring,
     steady_state,
 )
-from pbekit.breakage import CriticalSize, TwoPeak
-from pbekit.kernels import Kernel, ShearEncounter
+from pbekit.balance.breakage import CriticalSize, TwoPeak
+from pbekit.balance.kernels import Kernel, ShearEncounter
 
 RADIUS, SHEAR_RATE, VOLUME_FRACTION, EFFICIENCY = 500e-9, 1e4, 1e-4, 0.1
 

@@ -27,7 +27,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from pbekit import Aggregation, Grid, PopulationBalance, integrate
-from pbekit.kernels import Sum, exponential_below
+from pbekit.balance.kernels import Sum, exponential_below
 
 NUMBER = 2.0**23  # [1/m^3]
 VOLUME = 4 / 3 * np.pi * (30.531e-6) ** 3  # [m^3]

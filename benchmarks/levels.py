@@ -12,8 +12,8 @@ import argparse
 from collections import Counter
 
 import mcdem
-from mcdem.aggregate import Aggregate
-from mcdem.cost import draw_pairs, level_changes
+from mcdem.aggregates.aggregate import Aggregate
+from mcdem.analysis.accuracy_cost import draw_pairs, level_changes
 
 LEVELS = ("stokesian", "fts", "rotne_prager", "free_draining")
 

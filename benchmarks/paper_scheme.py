@@ -25,8 +25,8 @@ from pathlib import Path
 import numpy as np
 
 import mcdem
-from mcdem.encounter import EncounterResult
-from mcdem.runs import Run
+from mcdem.analysis.dataset import Run
+from mcdem.encounter.simulate import EncounterResult
 
 SMALLEST = 8
 """Primaries of the aggregates that meet."""

@@ -25,9 +25,9 @@ import scipy.linalg
 import threadpoolctl
 
 import mcdem
-from mcdem.cost import draw_pairs, warm_up
-from mcdem.random_streams import stream
-from mcdem.runs import Run
+from mcdem.analysis.accuracy_cost import draw_pairs, warm_up
+from mcdem.analysis.dataset import Run
+from mcdem.monte_carlo.random_streams import stream
 from validation.hard_cases.shapes import ball_centres, settled
 
 SIZES = (2, 10, 30, 100)
@@ -85,7 +85,7 @@ def solves(pecnut: Path | None) -> None:
 
 def compiled_solve(scene: mcdem.Scene, positions: np.ndarray) -> Callable[[], object]:
     """The solve of the stepping loop, without the checks at the door of `mcdem.velocities`."""
-    from mcdem.encounter import physics_of
+    from mcdem.encounter.simulate import physics_of
     from mcdem.hydrodynamics.stokesian import solve_velocities, workspace
 
     flow, physics = physics_of(scene)
@@ -115,7 +115,7 @@ LARGEST_DENSE = 400
 
 def growth() -> None:
     """Print how a solve grows with N on both paths, with fitted exponents, and the memory it adds."""
-    from mcdem.encounter import physics_of
+    from mcdem.encounter.simulate import physics_of
     from mcdem.hydrodynamics import matrix_free
 
     scene = mcdem.load_scene("scenes/paper-1000Pa.toml")

@@ -24,17 +24,17 @@ from typing import Any
 
 import numpy as np
 
-from mcdem.aggregate import Aggregate
-from mcdem.encounter import EncounterResult
-from mcdem.foresight import DEPTH, QUEUE, Foresight
-from mcdem.pair_selection import PairSelection
-from mcdem.pair_selection.clocks import Clocks
-from mcdem.pair_selection.inversion import Inversion
-from mcdem.population import Population
-from mcdem.random_streams import stream
-from mcdem.record import Record
+from mcdem.aggregates.aggregate import Aggregate
+from mcdem.encounter.simulate import EncounterResult
+from mcdem.monte_carlo.event_selection import PairSelection
+from mcdem.monte_carlo.event_selection.inverse_transform import Inversion
+from mcdem.monte_carlo.event_selection.majorant_rejection import Clocks
+from mcdem.monte_carlo.population import Population
+from mcdem.monte_carlo.process import Process
+from mcdem.monte_carlo.random_streams import stream
+from mcdem.monte_carlo.record import Record
+from mcdem.monte_carlo.speculative_execution import DEPTH, QUEUE, Foresight
 from mcdem.scene import Scene
-from mcdem.simulate import Process
 
 SCENE = """\
 # How does the Monte Carlo scale?

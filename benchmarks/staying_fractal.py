@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 import mcdem
-from mcdem.aggregate import Aggregate
-from mcdem.statistics import fit_mass_size
+from mcdem.aggregates.aggregate import Aggregate
+from mcdem.analysis.statistics import fit_mass_size
 from validation.exact.packings import fractal
 
 SCENES = Path(__file__).parent.parent / "scenes"

@@ -23,10 +23,11 @@ from typing import NamedTuple
 
 import xarray as xr
 
-from mcdem import executors, simulate
-from mcdem.aggregate import Aggregate
-from mcdem.differences import differences
-from mcdem.encounter import simulate_encounter
+from mcdem.aggregates.aggregate import Aggregate
+from mcdem.encounter.simulate import simulate_encounter
+from mcdem.monte_carlo import executors
+from mcdem.monte_carlo import process as simulate
+from mcdem.netcdf.comparison import differences
 from mcdem.scene import Scene
 
 

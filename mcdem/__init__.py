@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 from mcdem import compiled_cache
 
 if TYPE_CHECKING:
-    from mcdem.aggregate import Aggregate as Aggregate
-    from mcdem.capture import PairEfficiency as PairEfficiency
-    from mcdem.capture import critical_offset as critical_offset
-    from mcdem.capture import pair_efficiency as pair_efficiency
-    from mcdem.encounter import EncounterResult as EncounterResult
-    from mcdem.encounter import Recorder as Recorder
-    from mcdem.encounter import simulate_encounter as simulate_encounter
+    from mcdem.aggregates.aggregate import Aggregate as Aggregate
+    from mcdem.encounter.capture_efficiency import PairEfficiency as PairEfficiency
+    from mcdem.encounter.capture_efficiency import critical_offset as critical_offset
+    from mcdem.encounter.capture_efficiency import pair_efficiency as pair_efficiency
+    from mcdem.encounter.simulate import EncounterResult as EncounterResult
+    from mcdem.encounter.simulate import Recorder as Recorder
+    from mcdem.encounter.simulate import simulate_encounter as simulate_encounter
     from mcdem.errors import UserError as UserError
     from mcdem.free_spheres import Velocities as Velocities
     from mcdem.free_spheres import velocities as velocities
@@ -32,17 +32,17 @@ if TYPE_CHECKING:
 compiled_cache.key_by_sources(Path(__file__).parent)
 
 _HOME = {
-    "Aggregate": "mcdem.aggregate",
-    "EncounterResult": "mcdem.encounter",
-    "PairEfficiency": "mcdem.capture",
-    "Recorder": "mcdem.encounter",
+    "Aggregate": "mcdem.aggregates.aggregate",
+    "EncounterResult": "mcdem.encounter.simulate",
+    "PairEfficiency": "mcdem.encounter.capture_efficiency",
+    "Recorder": "mcdem.encounter.simulate",
     "Scene": "mcdem.scene",
     "UserError": "mcdem.errors",
     "Velocities": "mcdem.free_spheres",
-    "critical_offset": "mcdem.capture",
+    "critical_offset": "mcdem.encounter.capture_efficiency",
     "load_scene": "mcdem.scene",
-    "pair_efficiency": "mcdem.capture",
-    "simulate_encounter": "mcdem.encounter",
+    "pair_efficiency": "mcdem.encounter.capture_efficiency",
+    "simulate_encounter": "mcdem.encounter.simulate",
     "velocities": "mcdem.free_spheres",
 }
 

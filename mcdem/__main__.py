@@ -1,6 +1,6 @@
 """`python -m mcdem` is the command `mcdem`."""
 
-from mcdem.cli import main
+from mcdem.commands.main import main
 
 if __name__ == "__main__":
     main()

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mcdem.aggregate import overlap_limit, radii_of
-from mcdem.encounter import physics_of
+from mcdem.aggregates.aggregate import overlap_limit, radii_of
+from mcdem.encounter.simulate import physics_of
 from mcdem.errors import UserError
-from mcdem.hydrodynamics.far_field import five_to_tensor
+from mcdem.hydrodynamics.grand_mobility import five_to_tensor
 from mcdem.hydrodynamics.stokesian import solve_velocities, workspace
 
 if TYPE_CHECKING:

@@ -21,9 +21,9 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from mcdem.effects import Effects
 from mcdem.errors import SceneError
-from mcdem.inflow import inflow_constant, turns_back
-from mcdem.table import Key, Table, explain, keys, written
-from mcdem.units import (
+from mcdem.quantities.linear_flows import inflow_constant, turns_back
+from mcdem.quantities.toml_tables import Key, Table, explain, keys, written
+from mcdem.quantities.units import (
     Dimensionless,
     NonNegativeDimensionless,
     PositiveDimensionless,

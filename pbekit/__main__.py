@@ -1,6 +1,6 @@
 """`python -m pbekit`."""
 
-from pbekit.cli import main
+from pbekit.commands.main import main
 
 if __name__ == "__main__":
     main()

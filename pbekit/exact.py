@@ -21,7 +21,7 @@ def chain_scission(size, time: float, number: float, length: int, bond_rate: flo
 
 def random_scission(volume_below, time: float, number: float, mean: float, rate: float):
     """Cumulative (number, mass) below v: S = s v, b = 2/u from number/mean exp(-v/mean) (Ziff & McGrady 1985)."""
-    from pbekit.kernels import exponential_below
+    from pbekit.balance.kernels import exponential_below
 
     grown = 1 + rate * mean * time
     below = exponential_below(number * grown, mean / grown)

@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.ticker import NullLocator, ScalarFormatter
 
-from pbekit.compare import Comparison
-from pbekit.tables import AGGREGATION, SCATTERED, KernelTable
+from pbekit.study.compare import Comparison
+from pbekit.tables.kernel_table import AGGREGATION, SCATTERED, KernelTable
 
 # Okabe & Ito's palette, told apart by colour-blind readers.
 BLUE, VERMILION, GREEN, ORANGE, BLACK = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#000000"

@@ -103,7 +103,7 @@ def validation(
             raise UserError(f"{path}: no such file or folder")
     given = cases_of.Given(tuple(path.resolve() for path in runs or ()), pecnut and pecnut.resolve())
 
-    from mcdem import executors
+    from mcdem.monte_carlo import executors
     from validation.run import run
 
     wanted = [cases_of.load(name) for name in chosen(case or [])]

@@ -29,13 +29,13 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy import stats
 
-from mcdem.aggregate import Aggregate
-from mcdem.cost import REFERENCE, Pair, Sample, draw_pairs, follow, settings_of
-from mcdem.encounter import OUTCOMES
+from mcdem.aggregates.aggregate import Aggregate
+from mcdem.analysis.accuracy_cost import REFERENCE, Pair, Sample, draw_pairs, follow, settings_of
+from mcdem.analysis.dataset import Run
+from mcdem.encounter.simulate import OUTCOMES
 from mcdem.errors import UserError
-from mcdem.executors import opened
-from mcdem.record import software
-from mcdem.runs import Run
+from mcdem.monte_carlo.executors import opened
+from mcdem.monte_carlo.record import software
 from mcdem.scene import Scene, load_scene
 
 WAYS = (REFERENCE, "default", "paper")

@@ -17,7 +17,8 @@ import numpy as np
 
 def _change_physics(change: Callable) -> contextlib.ExitStack:
     """Every encounter and every velocity sees (flow, physics) as `change` makes them."""
-    from mcdem import encounter, free_spheres
+    from mcdem import free_spheres
+    from mcdem.encounter import simulate as encounter
     from validation.hard_cases import watch
 
     intact = encounter.physics_of
@@ -97,7 +98,7 @@ def weak_attraction() -> Iterator[None]:
 
 def _change_functions(names: tuple[str, ...], factor: float) -> contextlib.AbstractContextManager:
     """Two-sphere functions of these families, times a factor, wherever the exact ones are summed."""
-    from mcdem.hydrodynamics import two_sphere
+    from mcdem.hydrodynamics.two_sphere import tables as two_sphere
 
     intact = two_sphere.exact
 
@@ -149,7 +150,7 @@ def squeeze_low() -> Iterator[None]:
 @contextlib.contextmanager
 def doubling_loses_a_copy() -> Iterator[None]:
     """When the sample is doubled, the copy of the largest aggregate is lost."""
-    from mcdem.population import Population
+    from mcdem.monte_carlo.population import Population
 
     intact = Population.double
 
@@ -168,7 +169,7 @@ def doubling_loses_a_copy() -> Iterator[None]:
 @contextlib.contextmanager
 def flat_encounter_rates() -> Iterator[None]:
     """Pairs of the sample meet at rates that do not grow with their size."""
-    from mcdem.population import Population
+    from mcdem.monte_carlo.population import Population
 
     intact = Population._count
 
@@ -184,7 +185,7 @@ def flat_encounter_rates() -> Iterator[None]:
 @contextlib.contextmanager
 def aggregation_half() -> Iterator[None]:
     """Kernels of the population balance are half of what they should be, as when pairs are counted wrongly."""
-    from pbekit import kernels
+    from pbekit.balance import kernels
 
     def halved(intact):
         return lambda self, i, j: 0.5 * intact(self, i, j)
@@ -198,7 +199,7 @@ def aggregation_half() -> Iterator[None]:
 @contextlib.contextmanager
 def clock_slow() -> Iterator[None]:
     """The process time of a run is read as twice what it was."""
-    from mcdem.runs import Run
+    from mcdem.analysis.dataset import Run
     from validation import datasets
 
     intact, series = Run.time.fget, datasets.series  # type: ignore[attr-defined]
@@ -233,7 +234,7 @@ def outcomes_shuffled() -> Iterator[None]:
 @contextlib.contextmanager
 def smallest_for_largest() -> Iterator[None]:
     """Of what broke, what is left beside the largest fragment is taken for the largest."""
-    from mcdem import runs
+    from mcdem.analysis import dataset as runs
 
     intact = runs.breakups
 

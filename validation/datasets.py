@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pbekit.monte_carlo import MonteCarlo
-    from pbekit.tables import KernelTable
+    from pbekit.study.monte_carlo import MonteCarlo
+    from pbekit.tables.kernel_table import KernelTable
     from validation.case import Context
 
 FOLDER = Path(__file__).parent.parent / "notebooks" / "data"
@@ -36,14 +36,14 @@ def fractal_motion() -> dict[str, dict[str, Any]]:
 
 def kernels() -> KernelTable:
     """The committed table of encounters."""
-    from pbekit.tables import KernelTable
+    from pbekit.tables.kernel_table import KernelTable
 
     return KernelTable.load(KERNELS)
 
 
 def series() -> MonteCarlo:
     """Sizes over time of the run behind the table."""
-    from pbekit.monte_carlo import MonteCarlo
+    from pbekit.study.monte_carlo import MonteCarlo
 
     return MonteCarlo.read(SERIES)
 

@@ -21,8 +21,8 @@ import numpy as np
 import typer
 
 import mcdem
-from mcdem import executors
-from mcdem.aggregate import Aggregate
+from mcdem.aggregates.aggregate import Aggregate
+from mcdem.monte_carlo import executors
 from mcdem.scene import Scene, load_scene
 from validation.hard_cases import laws
 from validation.hard_cases import shapes as made

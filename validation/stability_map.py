@@ -22,15 +22,15 @@ import typer
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
-from mcdem.check import contact_relaxation
+from mcdem.analysis.dimensionless_groups import contact_relaxation
 from mcdem.effects import contact_equilibrium, contact_force, contact_gap, contact_pull_off_force
 from mcdem.effects.van_der_waals import VanDerWaalsKernel
-from mcdem.encounter import physics_of
+from mcdem.encounter.motion import analysed
+from mcdem.encounter.simulate import physics_of
 from mcdem.figures.style import BLACK, BLUE, GREY, ORANGE, VERMILION, canvas, look
+from mcdem.integrators import state
+from mcdem.rigid_aggregates.statics import worst_load
 from mcdem.scene import Scene, load_scene
-from mcdem.stepping import state
-from mcdem.stepping.integrate import analysed
-from mcdem.stepping.rigid import worst_load
 from validation.hard_cases import laws
 from validation.hard_cases.case import PAPER
 from validation.hard_cases.shapes import settled

@@ -12,7 +12,7 @@ import typer
 from pydantic_core import PydanticCustomError
 
 from mcdem.errors import UserError
-from mcdem.units import Quantity
+from mcdem.quantities.units import Quantity
 
 SceneFile = Annotated[
     Path, typer.Argument(metavar="SCENE", help="Scene file (TOML); `mcdem describe` lists its keys.")

@@ -16,7 +16,7 @@ def check(scene: SceneFile) -> None:
     from rich.padding import Padding
     from rich.text import Text
 
-    from mcdem.check import check as findings
+    from mcdem.analysis.dimensionless_groups import check as findings
     from mcdem.scene import load_scene
 
     found = findings(load_scene(scene))

@@ -14,7 +14,7 @@ from mcdem.errors import UserError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mcdem.cost import Price
+    from mcdem.analysis.accuracy_cost import Price
 
 
 WIDTH = 130
@@ -56,10 +56,10 @@ def cost(
     from rich.console import Console
     from rich.progress import Progress
 
-    from mcdem import executors
+    from mcdem.analysis.accuracy_cost import cheapest, measure, sample_for, settings_of
     from mcdem.commands import refuse_existing
-    from mcdem.cost import cheapest, measure, sample_for, settings_of
     from mcdem.figures.cost import draw_front
+    from mcdem.monte_carlo import executors
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
@@ -149,7 +149,7 @@ def told(prices: Sequence[Price], count: int):
 
 def write(prices: Sequence[Price], path: Path) -> None:
     """The same as a file."""
-    from mcdem.cost import QUANTITIES
+    from mcdem.analysis.accuracy_cost import QUANTITIES
 
     try:
         with path.open("w", newline="") as file:

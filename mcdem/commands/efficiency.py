@@ -10,7 +10,7 @@ from mcdem.commands import SceneFile
 from mcdem.errors import UserError
 
 if TYPE_CHECKING:
-    from mcdem.capture import PairEfficiency
+    from mcdem.encounter.capture_efficiency import PairEfficiency
     from mcdem.scene import Scene
 
 STEPS = (2.0, 1.0, 0.5, 0.25)
@@ -37,7 +37,7 @@ def efficiency(
 
     from rich.console import Console
 
-    from mcdem.capture import critical_offset, pair_efficiency
+    from mcdem.encounter.capture_efficiency import critical_offset, pair_efficiency
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
@@ -64,7 +64,7 @@ def read_cutoffs(given: str) -> list[float]:
 
 def told(scene: Scene, found: PairEfficiency, offset: float) -> list[str]:
     """What was found, in words."""
-    from mcdem.capture import attraction_number, initial_growth, van_de_ven_mason
+    from mcdem.encounter.capture_efficiency import attraction_number, initial_growth, van_de_ven_mason
 
     attraction, law = attraction_number(scene), van_de_ven_mason(scene)
     lines = [
@@ -89,7 +89,7 @@ def against_steps(scene: Scene):
     """eta_11 and y_c(0) for several steps."""
     from rich.table import Table
 
-    from mcdem.capture import critical_offset, pair_efficiency
+    from mcdem.encounter.capture_efficiency import critical_offset, pair_efficiency
 
     table = Table("step", "eta_11", "change", "y_c(0)/a", "change", title="against the step")
     paper = scene.numerics.scheme == "paper"
@@ -114,7 +114,7 @@ def against_cutoff(scene: Scene, cutoffs: list[float]):
     """eta_11 for several cut-offs and both readings of what lies below them."""
     from rich.table import Table
 
-    from mcdem.capture import pair_efficiency, van_de_ven_mason
+    from mcdem.encounter.capture_efficiency import pair_efficiency, van_de_ven_mason
 
     if not scene.hydrodynamics.lubrication:
         raise UserError(

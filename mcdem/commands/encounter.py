@@ -9,11 +9,11 @@ import typer
 
 from mcdem.commands import SceneFile, read_quantity, refuse_existing
 from mcdem.errors import UserError
-from mcdem.units import LENGTH
+from mcdem.quantities.units import LENGTH
 
 if TYPE_CHECKING:
-    from mcdem.aggregate import Aggregate
-    from mcdem.encounter import EncounterResult
+    from mcdem.aggregates.aggregate import Aggregate
+    from mcdem.encounter.simulate import EncounterResult
     from mcdem.scene import Scene
 
 AGGREGATE = (
@@ -67,7 +67,7 @@ def encounter(
         if file is not None:
             refuse_existing(file, overwrite=overwrite)
 
-    from mcdem.encounter import Recorder, simulate_encounter
+    from mcdem.encounter.simulate import Recorder, simulate_encounter
 
     recorder = Recorder(interval=every) if film or trajectory else None
     result = simulate_encounter(
@@ -77,13 +77,13 @@ def encounter(
     for name, value in report(loaded, result):
         typer.echo(f"{name:{width}}  {value}")
     if recorder is not None:
-        from mcdem.trajectory import Trajectory, export
+        from mcdem.encounter.trajectory import Trajectory, export
 
         course = Trajectory.of_encounter(loaded, recorder, result)
         if trajectory is not None:
             export(course, trajectory)
         if film is not None:
-            from mcdem.film import film as make_film
+            from mcdem.figures.film import film as make_film
 
             make_film(course, film)
 
@@ -92,7 +92,7 @@ def aggregate_of(scene: Scene, option: str, given: str) -> Aggregate:
     """The aggregate that an option names; raises `UserError` that names the option."""
     import numpy as np
 
-    from mcdem.aggregate import Aggregate
+    from mcdem.aggregates.aggregate import Aggregate
 
     radius = scene.suspension.radius
     if given.isdecimal():
@@ -126,7 +126,7 @@ def aggregate_of(scene: Scene, option: str, given: str) -> Aggregate:
 
 def report(scene: Scene, result: EncounterResult) -> list[tuple[str, str]]:
     """What came of an encounter, in words: (name, value) pairs."""
-    from mcdem.encounter import PAPER_BREAKUP, STRICT_BREAKUP
+    from mcdem.encounter.simulate import PAPER_BREAKUP, STRICT_BREAKUP
 
     rate = scene.flow.shear_rate
     strict = "breakup" if result.outcome in STRICT_BREAKUP else "no breakup"

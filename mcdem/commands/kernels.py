@@ -70,10 +70,11 @@ def kernels(
     from rich.progress import BarColumn, TextColumn
     from rich.progress import Progress as Bar
 
-    from mcdem import executors, simulate
-    from mcdem.progress import RunDisplay
+    from mcdem.commands.progress import RunDisplay
+    from mcdem.kernel_tables import Progress, tabulate
+    from mcdem.monte_carlo import executors
+    from mcdem.monte_carlo import process as simulate
     from mcdem.scene import load_scene
-    from mcdem.tabulate import Progress, tabulate
 
     loaded = load_scene(scene)
     file = output or Path(f"{loaded.name}.kernels.nc")

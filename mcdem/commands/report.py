@@ -25,7 +25,7 @@ def report(
     refuse_existing(page, overwrite=overwrite)
 
     from mcdem.errors import UserError
-    from mcdem.report import report as report_of
+    from mcdem.figures.report import report as report_of
 
     text = report_of(file)
     try:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from mcdem.commands import SceneFile, read_quantity
-from mcdem.units import TIME
+from mcdem.quantities.units import TIME
 
 
 class Engine(StrEnum):
@@ -56,8 +56,8 @@ def run(
 
     Ctrl-C keeps what was computed; `--resume` goes on from there.
     """
-    from mcdem.check import check
-    from mcdem.progress import RunDisplay, state
+    from mcdem.analysis.dimensionless_groups import check
+    from mcdem.commands.progress import RunDisplay, state
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
@@ -69,7 +69,8 @@ def run(
                 f"warning: {finding.name} = {finding.value:.3g}: {finding.words}", fg="yellow", err=True
             )
 
-    from mcdem import executors, simulate
+    from mcdem.monte_carlo import executors
+    from mcdem.monte_carlo import process as simulate
 
     with executors.opened(executor.value, workers, scheduler) as crew, RunDisplay(loaded.name) as display:
         done = simulate.run(

@@ -9,7 +9,7 @@ import typer
 
 from mcdem.commands import SceneFile, read_quantity
 from mcdem.commands.run import Engine
-from mcdem.units import TIME
+from mcdem.quantities.units import TIME
 
 
 def sweep(
@@ -52,10 +52,10 @@ def sweep(
 
     Given again, it runs what is not finished, and only that.  A member that fails does not stop the others.
     """
-    from mcdem import executors
+    from mcdem.monte_carlo import executors
+    from mcdem.monte_carlo.sweep import Member, parse_setting
+    from mcdem.monte_carlo.sweep import sweep as run_sweep
     from mcdem.scene import load_scene
-    from mcdem.sweep import Member, parse_setting
-    from mcdem.sweep import sweep as run_sweep
 
     loaded = load_scene(scene)
     stop = read_quantity("--until", until, TIME.positive) if until is not None else None

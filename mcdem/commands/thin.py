@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from mcdem.commands import Dataset, read_quantity, refuse_existing
-from mcdem.units import TIME
+from mcdem.quantities.units import TIME
 
 
 def thin(
@@ -23,7 +23,7 @@ def thin(
     """Make a run's dataset small: fewer snapshots, rounded reals, compressed. `mcdem run --resume` continues it."""
     refuse_existing(output, overwrite=overwrite)
     spacing = None if every is None else read_quantity("--every", every, TIME.positive)
-    from mcdem.thinning import thin as thin_dataset
+    from mcdem.monte_carlo.compress import thin as thin_dataset
 
     thin_dataset(file, output, spacing)
     before, after = file.stat().st_size / 2**20, output.stat().st_size / 2**20

@@ -14,7 +14,7 @@ from mcdem.errors import UserError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mcdem.vary import Difference
+    from mcdem.analysis.sensitivity import Difference
 
 
 def vary(
@@ -53,14 +53,14 @@ def vary(
     from rich.console import Console
     from rich.progress import Progress
 
-    from mcdem import executors
+    from mcdem.analysis.accuracy_cost import sample_for
+    from mcdem.analysis.sensitivity import settings_from
+    from mcdem.analysis.sensitivity import vary as vary_settings
     from mcdem.commands import refuse_existing
-    from mcdem.cost import sample_for
     from mcdem.figures.vary import draw_differences
+    from mcdem.monte_carlo import executors
+    from mcdem.monte_carlo.sweep import parse_setting
     from mcdem.scene import load_scene
-    from mcdem.sweep import parse_setting
-    from mcdem.vary import settings_from
-    from mcdem.vary import vary as vary_settings
 
     loaded = load_scene(scene)
     loaded.require_one_radius("eta_11 is of two equal primaries")

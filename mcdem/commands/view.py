@@ -31,7 +31,7 @@ def view(
     refuse_existing(page, overwrite=overwrite)
 
     from mcdem.errors import UserError
-    from mcdem.view import page_of
+    from mcdem.figures.view import page_of
 
     text = page_of(file, snapshot)
     try:

@@ -43,7 +43,7 @@ from mcdem.effects.tangential import STUCK
 from mcdem.effects.twisting import Twisting, TwistingKernel
 from mcdem.effects.van_der_waals import VanDerWaals, VanDerWaalsKernel
 from mcdem.effects.van_der_waals import force as van_der_waals_force
-from mcdem.table import Table
+from mcdem.quantities.toml_tables import Table
 
 if TYPE_CHECKING:
     from mcdem.scene import Scene

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from numba import njit
 
-from mcdem.table import Table
-from mcdem.units import PositiveLength
+from mcdem.quantities.toml_tables import Table
+from mcdem.quantities.units import PositiveLength
 
 if TYPE_CHECKING:
     from mcdem.scene import Scene

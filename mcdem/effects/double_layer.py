@@ -22,8 +22,8 @@ from numba import njit
 from pydantic import model_validator
 
 from mcdem.errors import SceneError
-from mcdem.table import Table
-from mcdem.units import PositiveDimensionless, PositiveLength, Potential
+from mcdem.quantities.toml_tables import Table
+from mcdem.quantities.units import PositiveDimensionless, PositiveLength, Potential
 
 if TYPE_CHECKING:
     from mcdem.scene import Scene

@@ -10,8 +10,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from mcdem.table import Table
-from mcdem.units import Dimensionless, PositivePressure, PositiveSurfaceEnergy
+from mcdem.quantities.toml_tables import Table
+from mcdem.quantities.units import Dimensionless, PositivePressure, PositiveSurfaceEnergy
 
 
 class ElasticContact(Table):

@@ -16,8 +16,8 @@ import numpy as np
 from numba import njit
 
 from mcdem.effects.tangential import ROLLS, STUCK, add_stiffness, cut_back, direction
-from mcdem.table import Table
-from mcdem.units import PositiveLength
+from mcdem.quantities.toml_tables import Table
+from mcdem.quantities.units import PositiveLength
 
 if TYPE_CHECKING:
     from mcdem.scene import Scene

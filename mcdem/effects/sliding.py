@@ -23,8 +23,8 @@ from numba import njit
 from mcdem.effects.dmt import DMT
 from mcdem.effects.jkr import JKR
 from mcdem.effects.tangential import SLIDES, STUCK, add_stiffness, cut_back, direction
-from mcdem.table import Table
-from mcdem.units import PositiveDimensionless
+from mcdem.quantities.toml_tables import Table
+from mcdem.quantities.units import PositiveDimensionless
 
 if TYPE_CHECKING:
     from mcdem.scene import Scene

@@ -20,8 +20,8 @@ from numba import njit
 
 from mcdem.effects.sliding import cohesion
 from mcdem.effects.tangential import STUCK, TWISTS
-from mcdem.table import Table
-from mcdem.units import PositiveDimensionless
+from mcdem.quantities.toml_tables import Table
+from mcdem.quantities.units import PositiveDimensionless
 
 if TYPE_CHECKING:
     from mcdem.scene import Scene

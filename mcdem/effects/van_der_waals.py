@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from numba import njit
 from pydantic import Field, model_validator
 
-from mcdem.table import Table
-from mcdem.units import PositiveEnergy, PositiveLength
+from mcdem.quantities.toml_tables import Table
+from mcdem.quantities.units import PositiveEnergy, PositiveLength
 
 if TYPE_CHECKING:
     from mcdem.scene import Scene

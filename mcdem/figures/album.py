@@ -5,13 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from .. import trajectory
-from ..errors import UserError
-from ..runs import Run, by_stress
-from ..trajectory import Trajectory
-from . import breakup, clusters, encounter, forces, growth, outcomes, shape, size_distribution, strength
-from .figure import Figure
-from .style import look
+from mcdem.analysis.dataset import Run, by_stress
+from mcdem.encounter import trajectory
+from mcdem.encounter.trajectory import Trajectory
+from mcdem.errors import UserError
+from mcdem.figures import (
+    breakup,
+    clusters,
+    encounter,
+    forces,
+    growth,
+    outcomes,
+    shape,
+    size_distribution,
+    strength,
+)
+from mcdem.figures.figure import Figure
+from mcdem.figures.style import look
 
 OF_ALL_RUNS = (
     growth.mean_size,

@@ -8,12 +8,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
-from ..breakup import READINGS, in_reading
-from ..runs import Run, by_stress, pool, pooled_breakups
-from ..statistics import fit_power_law
-from . import paper
-from .figure import Figure, quantity
-from .style import BLACK, GREY, READING, canvas, legend
+from mcdem.analysis import paper
+from mcdem.analysis.breakup import READINGS, in_reading
+from mcdem.analysis.dataset import Run, by_stress, pool, pooled_breakups
+from mcdem.analysis.statistics import fit_power_law
+from mcdem.figures.figure import Figure, quantity
+from mcdem.figures.style import BLACK, GREY, READING, canvas, legend
 
 
 def critical_size(runs: Sequence[Run]) -> Figure:

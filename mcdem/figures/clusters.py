@@ -10,12 +10,12 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Circle, Ellipse
 
-from ..render import Camera, principal_view
-from ..render import Canvas as Picture
-from ..runs import Run, by_stress
-from . import paper
-from .figure import Figure, quantity
-from .style import BLACK, BLUE, SKY, VERMILION, canvas
+from mcdem.analysis import paper
+from mcdem.analysis.dataset import Run, by_stress
+from mcdem.figures.figure import Figure, quantity
+from mcdem.figures.render import Camera, principal_view
+from mcdem.figures.render import Canvas as Picture
+from mcdem.figures.style import BLACK, BLUE, SKY, VERMILION, canvas
 
 TINT = np.array(to_rgb(SKY))
 COLUMNS = (

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..cost import REFERENCE, Price, front
-from ..errors import UserError
-from .style import BLACK, GREY, MARKERS, canvas, colour, legend, look
+from mcdem.analysis.accuracy_cost import REFERENCE, Price, front
+from mcdem.errors import UserError
+from mcdem.figures.style import BLACK, GREY, MARKERS, canvas, colour, legend, look
 
 FLOOR = 1e-5
 """Errors below are drawn here: what nothing distinguishes from the reference has no place on a logarithmic axis."""

@@ -7,11 +7,11 @@ import xarray as xr
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure as Canvas
 
-from ..render import SHEAR_PLANE, Camera
-from ..render import Canvas as Picture
-from ..trajectory import Trajectory
-from .figure import Figure
-from .style import ORANGE, SKY, canvas
+from mcdem.encounter.trajectory import Trajectory
+from mcdem.figures.figure import Figure
+from mcdem.figures.render import SHEAR_PLANE, Camera
+from mcdem.figures.render import Canvas as Picture
+from mcdem.figures.style import ORANGE, SKY, canvas
 
 MOMENTS = ("approach", "nearing", "contact", "parting", "drifting")
 PARENTS = np.array([to_rgb(SKY), to_rgb(ORANGE)])

@@ -12,7 +12,7 @@ from pathlib import Path
 import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
-from .style import look
+from mcdem.figures.style import look
 
 Draw = Callable[[xr.Dataset], Canvas]
 

@@ -6,10 +6,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
-from ..effects import contact_force, non_contact_force
-from ..scene import Scene
-from .figure import Figure, quantity
-from .style import BLACK, GREY, VERMILION, canvas
+from mcdem.effects import contact_force, non_contact_force
+from mcdem.figures.figure import Figure, quantity
+from mcdem.figures.style import BLACK, GREY, VERMILION, canvas
+from mcdem.scene import Scene
 
 NANOMETRE = 1e-9
 

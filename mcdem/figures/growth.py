@@ -9,13 +9,13 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
-from .. import capture
-from ..errors import UserError
-from ..runs import Run
-from ..scene import Scene
-from . import paper
-from .figure import Figure, quantity
-from .style import BLACK, LINES, VERMILION, canvas, colour, note
+from mcdem.analysis import paper
+from mcdem.analysis.dataset import Run
+from mcdem.encounter import capture_efficiency as capture
+from mcdem.errors import UserError
+from mcdem.figures.figure import Figure, quantity
+from mcdem.figures.style import BLACK, LINES, VERMILION, canvas, colour, note
+from mcdem.scene import Scene
 
 MOST_POINTS = 4000
 """A line of more points than a page has dots is thinned, extremes kept."""

@@ -8,10 +8,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
-from ..runs import Run
-from ..statistics import share
-from .figure import Figure, quantity
-from .style import BLACK, GREY, OUTCOME, canvas, legend
+from mcdem.analysis.dataset import Run
+from mcdem.analysis.statistics import share
+from mcdem.figures.figure import Figure, quantity
+from mcdem.figures.style import BLACK, GREY, OUTCOME, canvas, legend
 
 BINS = 20
 

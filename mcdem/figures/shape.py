@@ -8,12 +8,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
-from ..runs import Run, pool
-from ..statistics import GIVENS, PowerLaw, fit_mass_size
-from . import paper
-from .figure import Figure, quantity
-from .size_distribution import stretch
-from .style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, canvas, legend, note
+from mcdem.analysis import paper
+from mcdem.analysis.dataset import Run, pool
+from mcdem.analysis.statistics import GIVENS, PowerLaw, fit_mass_size
+from mcdem.figures.figure import Figure, quantity
+from mcdem.figures.size_distribution import stretch
+from mcdem.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, canvas, legend, note
 
 MOST_SNAPSHOTS = 60
 """Fits against time take at most so many snapshots."""

@@ -9,9 +9,9 @@ import xarray as xr
 from matplotlib.figure import Figure as Canvas
 from scipy import stats
 
-from ..runs import Run
-from .figure import Figure, quantity
-from .style import BLACK, BLUE, GREY, VERMILION, canvas, legend
+from mcdem.analysis.dataset import Run
+from mcdem.figures.figure import Figure, quantity
+from mcdem.figures.style import BLACK, BLUE, GREY, VERMILION, canvas, legend
 
 
 def late_shares(runs: Sequence[Run], values_of: str, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:

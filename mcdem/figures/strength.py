@@ -8,12 +8,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
-from ..runs import Run
-from ..statistics import SMALLEST_FITTED, fit_power_law
-from ..strength import worst_loads
-from . import paper
-from .figure import Figure, quantity
-from .style import BLACK, BLUE, GREY, VERMILION, canvas, legend
+from mcdem.analysis import paper
+from mcdem.analysis.dataset import Run
+from mcdem.analysis.statistics import SMALLEST_FITTED, fit_power_law
+from mcdem.encounter.static_strength import worst_loads
+from mcdem.figures.figure import Figure, quantity
+from mcdem.figures.style import BLACK, BLUE, GREY, VERMILION, canvas, legend
 
 MOST_SNAPSHOTS = 8
 """Of each run: aggregates live on from one to the next, so more snapshots would tell little more."""

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..cost import GIVEN
-from ..errors import UserError
-from ..vary import ETA, STRICT, Difference
-from .style import BLUE, GREY, canvas, look
+from mcdem.analysis.accuracy_cost import GIVEN
+from mcdem.analysis.sensitivity import ETA, STRICT, Difference
+from mcdem.errors import UserError
+from mcdem.figures.style import BLUE, GREY, canvas, look
 
 PANELS = (
     (ETA, "$\\eta_{11}$\nrelative difference", 1.0),

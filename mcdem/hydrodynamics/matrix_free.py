@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, gmres, splu
 from scipy.spatial import cKDTree
 
-from mcdem.hydrodynamics import lubrication
-from mcdem.hydrodynamics.far_field import five_to_tensor
+from mcdem.hydrodynamics.grand_mobility import five_to_tensor
 from mcdem.hydrodynamics.mobility_product import ANY_ORDER, sphere_rates
+from mcdem.hydrodynamics.two_sphere import lubrication
 
 RANGE = 8.0
 """Centre distance in radii up to which the two-body part is kept as a sparse matrix."""

@@ -26,8 +26,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mcdem.hydrodynamics import far_field, lubrication
-from mcdem.linear_algebra import (
+from mcdem.hydrodynamics import grand_mobility as far_field
+from mcdem.hydrodynamics.linear_algebra import (
     add_product,
     add_transposed_product,
     cholesky,
@@ -37,6 +37,7 @@ from mcdem.linear_algebra import (
     solve_lower_from_right,
     subtract_outer,
 )
+from mcdem.hydrodynamics.two_sphere import lubrication
 
 NOT_POSITIVE_DEFINITE = 1
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import mcdem
-from mcdem.inflow import draw_offset
+from mcdem.quantities.linear_flows import draw_offset
 
 COUNT = 32
 SMALLEST, LARGEST = 2, 8

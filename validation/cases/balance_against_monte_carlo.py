@@ -16,9 +16,9 @@ LATE = 0.6
 
 def measure(context: Context):
     """The run, the balance, and single runs to come that the balance's table leaves open, over the same times."""
-    from pbekit.closures import Closure, grid_for, start_of
-    from pbekit.finite import population_course
-    from pbekit.uncertainty import course_output
+    from pbekit.estimated_rates.closures import Closure, grid_for, start_of
+    from pbekit.solution.finite_population import population_course
+    from pbekit.study.uncertainty import course_output
 
     table, run = datasets.kernels(), datasets.series()
     times = np.linspace(0.0, run.time[-1], 81)
@@ -104,7 +104,7 @@ CASE = Case(
     claim="The balance on a run's tabulated encounters gives that run's sizes back: the run cannot be told from a single run of "
     "the balance's own rules in a sample as large.",
     source="notebooks/data: a run of 185 083 encounters at 1000 Pa to 119 s, and the table of them with 800 designed ones; "
-    "rules: pbekit/closures.py, drawn one at a time by pbekit/finite.py",
+    "rules: pbekit/estimated_rates/closures.py, drawn one at a time by pbekit/solution/finite_population.py",
     tolerance="a rank among single runs above 2 %; late means within 15 %, some four times the scatter of single runs",
     measure=measure,
     judge=judge,

@@ -50,7 +50,7 @@ def measure(context: Context, n: int):
 
 def exactly(n: int):
     """Tensions (n - 1,) over pi mu g a^2 from point forces: the chain at rest in the straining flow."""
-    from mcdem.hydrodynamics.pair_tensors import STRAIN_BASIS
+    from mcdem.hydrodynamics.two_sphere.tensors import STRAIN_BASIS
     from validation.exact import point_forces
 
     x = chain(n)

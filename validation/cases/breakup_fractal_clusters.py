@@ -42,7 +42,7 @@ def measure(context: Context, part):
 
 
 def judge(context: Context, found):
-    from mcdem.statistics import fit_power_law
+    from mcdem.analysis.statistics import fit_power_law
 
     rows = dict(found)
     *_, doublet = rows.pop("doublet")

@@ -114,7 +114,7 @@ def bonds_of(result) -> set[frozenset[int]]:
 
 def exponent(rows, key: str) -> tuple[float, float]:
     """(q, error) of P ~ stress^-q; error: half the width of its 95 % limits."""
-    from mcdem.statistics import fit_power_law
+    from mcdem.analysis.statistics import fit_power_law
 
     known = [row for row in rows if math.isfinite(row[key] or math.nan)]
     fit = fit_power_law([row["primaries"] for row in known], [row[key] for row in known])

@@ -21,8 +21,8 @@ def parts(context: Context):
 
 
 def measure(context: Context, path):
-    from mcdem.breakup import READINGS, in_reading
-    from mcdem.runs import Run
+    from mcdem.analysis.breakup import READINGS, in_reading
+    from mcdem.analysis.dataset import Run
 
     run, rng = Run(path), context.rng(0)
     broken = run.breakups
@@ -63,7 +63,7 @@ def after_random_removal(aggregate, rng) -> float:
 def judge(context: Context, found):
     from scipy import stats
 
-    from mcdem.statistics import share
+    from mcdem.analysis.statistics import share
 
     checks = []
     for name, n in found.items():

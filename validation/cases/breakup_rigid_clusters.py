@@ -50,8 +50,8 @@ def parts(context: Context):
 
 
 def measure(context: Context, part):
-    from mcdem.encounter import Recorder
-    from mcdem.rigidity import rigidity_matrix
+    from mcdem.aggregates.rigidity import rigidity_matrix
+    from mcdem.encounter.simulate import Recorder
     from validation.exact.alone import Held, bond_tensions, sheared, threshold
     from validation.exact.packings import isostatic
     from validation.hard_cases.shapes import settled

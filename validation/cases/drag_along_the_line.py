@@ -9,7 +9,7 @@ from validation.case import Case, Context, Findings, below, near
 
 
 def measure(context: Context):
-    from mcdem.hydrodynamics import two_sphere
+    from mcdem.hydrodynamics.two_sphere import tables as two_sphere
     from validation.exact.bispherical import drag_along_the_line, torque_about_the_line
 
     table, raw = two_sphere.lubrication_table(1.0), np.empty(22)

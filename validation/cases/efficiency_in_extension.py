@@ -36,7 +36,7 @@ def parts(context: Context):
 
 
 def measure(context: Context, attraction: float):
-    from pbekit.efficiencies import ZeichnerSchowalter
+    from pbekit.balance.efficiencies import ZeichnerSchowalter
     from validation.exact import two_spheres
 
     full, paper = (scene(attraction, cutoff) for cutoff in (0.0, PAPER))
@@ -105,7 +105,7 @@ def judge(context: Context, found):
         figure, axes = canvas(width=4.8, height=3.0)
         at = [row["attraction"] for row in rows]
         wide = np.geomspace(min(at), max(at), 60)
-        from pbekit.efficiencies import ZeichnerSchowalter
+        from pbekit.balance.efficiencies import ZeichnerSchowalter
 
         axes.loglog(
             wide,
@@ -142,7 +142,7 @@ CASE = Case(
     "Zeichner & Schowalter, is their limit without retardation.",
     source="trajectory analysis of two equal spheres in extension, after Zeichner & Schowalter 1977 (their method from memory; "
     "their figures and fit were not at hand and nothing rests on them); own integration of exact two-sphere mobilities "
-    "(validation/exact/two_spheres.py), pbekit.efficiencies.ZeichnerSchowalter",
+    "(validation/exact/two_spheres.py), pbekit.balance.efficiencies.ZeichnerSchowalter",
     tolerance="2e-3: the fine step's error, and that of the stored law between its points; 1e-2 for the default step",
     measure=measure,
     judge=judge,

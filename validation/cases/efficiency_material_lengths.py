@@ -21,7 +21,7 @@ def parts(context: Context):
 
 
 def measure(context: Context, part):
-    from mcdem.capture import pair_efficiency
+    from mcdem.encounter.capture_efficiency import pair_efficiency
     from validation.cases.efficiency_rests_on_delta import scene
 
     what, delta = part

@@ -28,7 +28,7 @@ def parts(context: Context):
 
 
 def measure(context: Context, part):
-    from mcdem.capture import pair_efficiency, van_de_ven_mason
+    from mcdem.encounter.capture_efficiency import pair_efficiency, van_de_ven_mason
 
     stress, cutoff, attracted = part
     none = {} if attracted else {"effects.van_der_waals.hamaker_constant": "1e-60 J"}

@@ -26,10 +26,10 @@ SOLID = (
 def measure(context: Context):
     """Rows of [kind, smallest P, largest P, encounters, stuck, touched, laws: Kusters over eta_max, Veerapaneni & Wiesner]."""
     import mcdem
-    from mcdem.capture import pair_efficiency
-    from pbekit import tables
-    from pbekit.efficiencies import Kusters, VeerapaneniWiesner
-    from pbekit.grid import Cells
+    from mcdem.encounter.capture_efficiency import pair_efficiency
+    from pbekit.balance.efficiencies import Kusters, VeerapaneniWiesner
+    from pbekit.balance.grid import Cells
+    from pbekit.tables import kernel_table as tables
 
     table = datasets.kernels()
     known = table.records.select(table.records.outcome != tables.UNRESOLVED)
@@ -62,7 +62,7 @@ def measure(context: Context):
 
 def interval(hits: int, count: int) -> tuple[float, float, float]:
     """Share, and half the width of its 95 % limits with their middle in place of the share."""
-    from mcdem.statistics import share
+    from mcdem.analysis.statistics import share
 
     _, low, high = share(hits, count)
     return hits / count, 0.5 * (low + high), 0.5 * (high - low)
@@ -129,7 +129,7 @@ def judge(context: Context, found):
 
 def wilson(hits: int, count: int) -> tuple[float, float]:
     """95 % limits of a share."""
-    from mcdem.statistics import share
+    from mcdem.analysis.statistics import share
 
     return share(hits, count)[1:]
 
@@ -139,7 +139,7 @@ CASE = Case(
     claim="Unlike pairs meet as the laws of the literature say: pairs (1, P) and (P, P) of the run's aggregates, per crossing of "
     "the circle of radius R_i + R_j.",
     source="Kusters, Wijers & Thoenes 1997 in the form of Selomulya et al. 2003 (x = y = 0.1), Veerapaneni & Wiesner 1996 "
-    "(pbekit/efficiencies.py); encounters: notebooks/data/kernels-1000Pa.nc.  Bäbler 2008 is not compared: no copy of its "
+    "(pbekit/balance/efficiencies.py); encounters: notebooks/data/kernels-1000Pa.nc.  Bäbler 2008 is not compared: no copy of its "
     "formula could be read",
     tolerance="a factor of 1.5: the laws' exponents x, y are fits that differ by as much between experiments; shares with limits "
     "of 95 %",

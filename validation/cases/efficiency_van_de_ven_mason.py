@@ -20,7 +20,7 @@ LAW_HOLDS = (1e-4, 1e-2)
 def scene(attraction: float, cutoff: float):
     """The paper's at 750 Pa with another C_A: by the shear rate, and below 5e-7, where doublets would break, by A_H."""
     import mcdem
-    from mcdem.capture import attraction_number
+    from mcdem.encounter.capture_efficiency import attraction_number
 
     paper = mcdem.load_scene("scenes/paper-750Pa.toml").with_changes(
         {"hydrodynamics.lubrication_cutoff": cutoff, "numerics.rotations": 1}
@@ -40,7 +40,7 @@ def parts(context: Context):
 
 
 def measure(context: Context, part):
-    from mcdem.capture import attraction_number, pair_efficiency, van_de_ven_mason
+    from mcdem.encounter.capture_efficiency import attraction_number, pair_efficiency, van_de_ven_mason
 
     if part is None:
         return critical_offset()

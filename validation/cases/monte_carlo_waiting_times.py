@@ -19,8 +19,8 @@ def parts(context: Context):
 
 def measure(context: Context, way: str):
     import mcdem
-    from mcdem.pair_selection import pair_selection
-    from mcdem.population import Population
+    from mcdem.monte_carlo.event_selection import pair_selection
+    from mcdem.monte_carlo.population import Population
     from validation.exact.encounters import compact
 
     scene = mcdem.load_scene("scenes/paper-1000Pa.toml").with_changes({"numerics.pair_selection": way})

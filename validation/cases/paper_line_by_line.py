@@ -39,7 +39,7 @@ EXPLAINED = {
 
 def groups(context: Context):
     """Labels and files of replicas: the runs of one stress belong together."""
-    from mcdem.runs import Run, by_stress
+    from mcdem.analysis.dataset import Run, by_stress
 
     named = by_stress(Run(path) for path in datasets.runs(context))
     return {f"{stress:g} Pa": [str(run.path) for run in runs] for stress, runs in named.items()}
@@ -60,8 +60,8 @@ def parts(context: Context):
 
 
 def measure(context: Context, paths):
-    from mcdem.comparison import breakup_exponents, compare
-    from mcdem.runs import Run, by_stress
+    from mcdem.analysis.dataset import Run, by_stress
+    from mcdem.analysis.paper_comparison import breakup_exponents, compare
 
     runs = [Run(path) for path in paths]
     together = by_stress(runs)
@@ -84,8 +84,8 @@ def printed_clusters(runs):
     Fig. 10 one by one; of Table 2, at 750 Pa, the mean over its clusters.  Geometry at a given size is compared whether or not
     a run is steady.
     """
-    from mcdem.figures import paper
-    from mcdem.runs import pool
+    from mcdem.analysis import paper
+    from mcdem.analysis.dataset import pool
 
     own = pool([run.population(k, rigidity=False) for run in runs for k in run.late_snapshots], "aggregate")
     size, a, stress = own["size"].values, runs[0].radius, runs[0].stress
@@ -123,7 +123,7 @@ def printed_clusters(runs):
 
 def first_clusters(runs):
     """{reading: [d_g, d_o]} of the first clusters, by when they are taken and how they are fitted, P > 3 unless said."""
-    from mcdem.runs import pool
+    from mcdem.analysis.dataset import pool
 
     a = runs[0].radius
     snapshots = range(min(len(run.snapshot_times) for run in runs))
@@ -256,7 +256,7 @@ CASE = Case(
     chapter=6,
     claim="Every number that the paper's text states of its runs agrees with those of ours.",
     source="Frungieri & Vanni 2021, sections 3.1 to 3.3 and 4, Table 2; runs: those of --run, else notebooks/data; numbers and "
-    "limits: mcdem/comparison.py, as in `mcdem report`",
+    "limits: mcdem/analysis/paper_comparison.py, as in `mcdem report`",
     tolerance="the printed value with half a unit of its last digit, or its range, must meet our 95 % limits; steady numbers "
     "only from runs that are steady by the stated test",
     measure=measure,

@@ -14,7 +14,7 @@ BOLTZMANN, ROOM = 1.380649e-23, 298.15
 
 def effects_of(scene):
     """The laws of contact and attraction as an encounter feels them."""
-    from mcdem import encounter
+    from mcdem.encounter import simulate as encounter
 
     _, physics = encounter.physics_of(scene)
     return physics.jkr, physics.van_der_waals
@@ -22,11 +22,11 @@ def effects_of(scene):
 
 def measure(context: Context):
     import mcdem
-    from mcdem.capture import attraction_number, initial_growth, van_de_ven_mason
     from mcdem.effects import jkr as contact
     from mcdem.effects import van_der_waals as attraction
-    from mcdem.pair_selection import encounter_rate
-    from mcdem.population import Population
+    from mcdem.encounter.capture_efficiency import attraction_number, initial_growth, van_de_ven_mason
+    from mcdem.monte_carlo.event_selection import encounter_rate
+    from mcdem.monte_carlo.population import Population
 
     found = {}
     for stress in STRESSES:

@@ -26,8 +26,8 @@ def measure(context: Context, part):
 def whole_primaries():
     """Largest error of n_k, per N0, on the grid of whole primaries."""
     from pbekit import Aggregation, Breakage, Grid, PopulationBalance, exact, integrate
-    from pbekit.breakage import PowerLawRate, Uniform
-    from pbekit.kernels import Constant, Product, Sum
+    from pbekit.balance.breakage import PowerLawRate, Uniform
+    from pbekit.balance.kernels import Constant, Product, Sum
 
     tight = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-16}
     errors = {}
@@ -59,8 +59,8 @@ def whole_primaries():
 def continuous(scheme: str, ratio: float):
     """Relative errors of the second moment, and of mass, for Golovin's kernel and for random scission."""
     from pbekit import Aggregation, Breakage, Grid, PopulationBalance, integrate
-    from pbekit.breakage import PowerLawRate, Uniform
-    from pbekit.kernels import Sum, exponential_below
+    from pbekit.balance.breakage import PowerLawRate, Uniform
+    from pbekit.balance.kernels import Sum, exponential_below
 
     kernel = Sum(1.0)
     cases = {

@@ -84,7 +84,7 @@ def turned(scene, positions, axis, inverse):
 
 def turned_exactly(positions, axis, whole):
     """The same from the exact resistance, without the toolkit's solver."""
-    from mcdem.hydrodynamics.pair_tensors import STRAIN_BASIS
+    from mcdem.hydrodynamics.two_sphere.tensors import STRAIN_BASIS
     from validation.exact import point_forces
     from validation.exact.settling import rigid_motions
 

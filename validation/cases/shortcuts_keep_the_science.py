@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcdem.cost import REFERENCE
-from mcdem.encounter import OUTCOMES
+from mcdem.analysis.accuracy_cost import REFERENCE
+from mcdem.encounter.simulate import OUTCOMES
 from mcdem.figures.style import BLACK, BLUE, canvas, legend
 from validation import agreement, datasets
 from validation.case import Case, Context, Findings, above, below, cannot_say, near, shown

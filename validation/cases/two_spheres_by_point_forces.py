@@ -19,7 +19,7 @@ LOGARITHMS = {"YA11": 1 / 6, "YA12": -1 / 6, "YC11": 1 / 5, "YC12": 1 / 20}
 
 
 def measure(context: Context):
-    from mcdem.hydrodynamics import two_sphere
+    from mcdem.hydrodynamics.two_sphere import tables as two_sphere
     from validation.exact import point_forces
 
     errors = []

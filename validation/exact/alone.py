@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mcdem.hydrodynamics.pair_tensors import STRAIN_BASIS
-from mcdem.rigidity import rigidity_matrix
+from mcdem.aggregates.rigidity import rigidity_matrix
+from mcdem.hydrodynamics.two_sphere.tensors import STRAIN_BASIS
 from validation.exact.settling import rigid_motions
 
 if TYPE_CHECKING:
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mcdem.aggregate import Aggregate
-    from mcdem.encounter import EncounterResult, Recorder
+    from mcdem.aggregates.aggregate import Aggregate
+    from mcdem.encounter.simulate import EncounterResult, Recorder
     from mcdem.scene import Scene
 
 FAR = 200.0

@@ -7,8 +7,8 @@ from functools import cache
 
 import numpy as np
 
-from mcdem.aggregate import Aggregate
-from mcdem.encounter import EncounterResult
+from mcdem.aggregates.aggregate import Aggregate
+from mcdem.encounter.simulate import EncounterResult
 
 
 @cache

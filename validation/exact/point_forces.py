@@ -11,7 +11,7 @@ import itertools
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mcdem.hydrodynamics.pair_tensors import STRAIN_BASIS
+from mcdem.hydrodynamics.two_sphere.tensors import STRAIN_BASIS
 
 PERMUTATION = np.array(
     [[[(i - j) * (j - k) * (k - i) / 2 for k in range(3)] for j in range(3)] for i in range(3)]

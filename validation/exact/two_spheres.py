@@ -15,7 +15,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from mcdem.hydrodynamics import pair_tensors, two_sphere
+from mcdem.hydrodynamics.two_sphere import tables as two_sphere
+from mcdem.hydrodynamics.two_sphere import tensors as pair_tensors
 
 NEAREST, FURTHEST = 1e-7, 60.0
 

@@ -20,8 +20,8 @@ from validation.hard_cases import laws
 from validation.hard_cases.watch import Start, Watched, side_by_side, watch
 
 if TYPE_CHECKING:
-    from mcdem.aggregate import Aggregate
-    from mcdem.encounter import EncounterResult
+    from mcdem.aggregates.aggregate import Aggregate
+    from mcdem.encounter.simulate import EncounterResult
     from mcdem.scene import Scene
     from validation.hard_cases.shapes import Shape
 
@@ -208,7 +208,7 @@ class Suspension:
     """Whether some encounters must be left unresolved, and be counted."""
 
     def judge(self) -> Iterator[Finding]:
-        from mcdem import simulate
+        from mcdem.monte_carlo import process as simulate
 
         scene = load_scene(PAPER).with_changes({"run.until": None, **self.changes})
         with tempfile.TemporaryDirectory() as folder:

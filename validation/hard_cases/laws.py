@@ -15,9 +15,9 @@ import xarray as xr
 from scipy import stats
 
 from mcdem.effects import contact_force, non_contact_force
-from mcdem.encounter import OUTCOMES, classify, physics_of
+from mcdem.encounter.simulate import OUTCOMES, classify, physics_of
 from mcdem.hydrodynamics import stokesian
-from mcdem.stepping import state
+from mcdem.integrators import state
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mcdem.aggregate import Aggregate
-    from mcdem.encounter import EncounterResult
+    from mcdem.aggregates.aggregate import Aggregate
+    from mcdem.encounter.simulate import EncounterResult
+    from mcdem.monte_carlo.process import Summary
     from mcdem.scene import Scene
-    from mcdem.simulate import Summary
     from validation.hard_cases.case import Course, Suspension
 
 Margin = tuple[float, str]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mcdem.aggregate import Aggregate
+from mcdem.aggregates.aggregate import Aggregate
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mcdem.encounter import physics_of, scheme_of
-from mcdem.stepping import state
-from mcdem.stepping.implicit import find_gaps, scratch
-from mcdem.stepping.march import march, new_watch
+from mcdem.encounter.simulate import physics_of, scheme_of
+from mcdem.integrators import state
+from mcdem.integrators.implicit_midpoint import find_gaps, scratch
+from mcdem.integrators.time_loop import march, new_watch
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from mcdem.aggregate import Aggregate
+    from mcdem.aggregates.aggregate import Aggregate
     from mcdem.scene import Scene
 
 
@@ -30,7 +30,7 @@ class Watched:
     """What was seen.  Lengths in a, times in 1/g, forces in 6 pi mu a^2 g.
 
     positions, bonded : (N, 3), (N, N) at the end
-    code : of `mcdem.stepping.state`;  strain : reached
+    code : of `mcdem.integrators.state`;  strain : reached
     made_at : largest gap at which a contact was made;  lost_at : smallest gap at which one was lost
     kept_to : largest gap of a contact that was kept;  free_from : smallest gap of a pair left out of contact
     deepest : smallest gap of any pair, after a step

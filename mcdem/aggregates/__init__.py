@@ -1,0 +1,1 @@
+"""Aggregates: primaries and their contacts, size, shape and rigidity."""

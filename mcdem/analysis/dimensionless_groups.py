@@ -1,0 +1,427 @@
+"""What a scene's numbers say before it is run: the groups that decide which physics matters, and the range of its numerics.
+
+Each finding is a number, the bound that it is held against and a sentence.  "fine" needs no thought, "note" is worth knowing
+when results are read, "warning" says that the scene leaves out something that matters or steps past a limit.
+
+Temperature and densities decide only about what is *not* simulated, so a scene does not give them; the values assumed here
+are ordinary ones, and the groups are proportional to them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from mcdem.quantities.linear_flows import gradient
+
+if TYPE_CHECKING:
+    from mcdem.scene import Scene
+
+BOLTZMANN = 1.380649e-23
+"""[J/K]"""
+TEMPERATURE = 298.15
+"""Assumed [K]."""
+DENSITY = 1000.0
+"""Assumed of medium and particles [kg/m^3]."""
+LARGE_AGGREGATE = 10.0
+"""Outer radius of a large aggregate over that of its primaries, for groups that grow with size."""
+
+Verdict = Literal["fine", "note", "warning"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One number of a scene and what it says."""
+
+    name: str
+    value: float
+    verdict: Verdict
+    words: str
+    """A sentence that holds the bound that decided."""
+
+
+def check(scene: Scene) -> list[Finding]:
+    """All findings on a scene, the physics first, then the numerics."""
+    return [
+        *_sizes(scene),
+        *_left_out(scene),
+        *_holding(scene),
+        *_barrier(scene),
+        *_capture(scene),
+        *_frozen_matrix(scene),
+        *_dilution(scene),
+        *_numerics(scene),
+    ]
+
+
+def of_several(scene: Scene, which: str) -> str:
+    """Which primaries a number is of, where the suspension has several radii."""
+    return "" if scene.suspension.radii is None else f", {which}"
+
+
+def _sizes(scene: Scene) -> Iterator[Finding]:
+    """Primaries of several radii: how far apart, and of which of them the rest speaks."""
+    radii, shares = scene.suspension.radii, scene.suspension.number_fractions
+    if radii is None or shares is None:
+        return
+    volumes = [share * radius**3 for share, radius in zip(shares, radii, strict=True)]
+    least = min(volumes) / math.fsum(volumes)
+    which = radii[volumes.index(min(volumes))]
+    words = f"the primaries of {which:g} m are {least:.2g} of the volume; numbers below are of the largest unless they say so"
+    yield Finding("smallest over largest radius", min(radii) / max(radii), "note", words)
+
+
+def _left_out(scene: Scene) -> Iterator[Finding]:
+    """Brownian motion and inertia: never simulated, so they must not matter."""
+    a, mu, g = scene.suspension.radius, scene.flow.viscosity, scene.flow.shear_rate
+
+    smallest = min(scene.suspension.species)
+    peclet = 6.0 * math.pi * mu * smallest**3 * g / (BOLTZMANN * TEMPERATURE)
+    name = "Peclet number 6 pi mu a^3 g/kT" + of_several(scene, "the smallest primaries")
+    if peclet > 1e3:
+        yield Finding(name, peclet, "fine", "Brownian motion cannot matter (above 1000, at 298 K)")
+    elif peclet > 10:
+        yield Finding(
+            name,
+            peclet,
+            "note",
+            "Brownian motion, not simulated, may shift captures of primaries (below 1000)",
+        )
+    else:
+        yield Finding(
+            name, peclet, "warning", "Brownian motion matters and is not simulated (below 10, at 298 K)"
+        )
+
+    size = f"aggregate of {LARGE_AGGREGATE:g} a" + of_several(scene, "the largest primaries")
+    reynolds = DENSITY * g * (LARGE_AGGREGATE * a) ** 2 / mu
+    stokes = 2.0 / 9.0 * reynolds
+    for name, value, what in [
+        (f"Reynolds number of an {size}", reynolds, "the fluid's inertia"),
+        (f"Stokes number of an {size}", stokes, "the particles' inertia"),
+    ]:
+        if value < 0.01:
+            yield Finding(name, value, "fine", f"{what} cannot matter (below 0.01)")
+        elif value < 0.1:
+            yield Finding(
+                name, value, "note", f"{what}, not simulated, is felt by the largest aggregates (0.01 to 0.1)"
+            )
+        else:
+            yield Finding(name, value, "warning", f"{what} matters and is not simulated (above 0.1)")
+
+
+def _holding(scene: Scene) -> Iterator[Finding]:
+    """What holds aggregates together, and whether its parameters agree."""
+    effects, unit = scene.effects, scene.reduced
+    van_der_waals, contact = effects.van_der_waals, effects.contact
+
+    if contact is not None:
+        adhesion = contact.kernel(scene).pull_off_force
+        cohesion = 1.0 / adhesion
+        name = "cohesion number 6 pi mu a^2 g/F_adh"
+        # A touching doublet is pulled apart with at most 6.12 pi mu a^2 g in simple shear, whose strain stretches at g/2.
+        doublet = 6.12 / 6.0 * cohesion * 2.0 * stretching(scene)
+        if doublet > 1.0:
+            words = f"the flow parts even doublets (pull {doublet:.2g} F_adh): no aggregate lasts"
+            yield Finding(name, cohesion, "warning", words)
+        elif doublet > 0.05:
+            words = f"doublets hold (pull {doublet:.2g} F_adh), larger aggregates are within reach of breakup"
+            yield Finding(name, cohesion, "fine", words)
+        else:
+            words = f"doublets feel {doublet:.2g} F_adh: only large aggregates break, and they will be costly to follow"
+            yield Finding(name, cohesion, "note", words)
+    elif effects.born is None and effects.steric is None:
+        words = (
+            "attraction and no law of contact: add [effects.jkr], or nothing stops the primaries where they meet"
+            if van_der_waals is not None
+            else "neither attraction nor contacts: nothing sticks, every encounter is a miss"
+        )
+        yield Finding("contact laws", 0.0, "warning" if van_der_waals is not None else "note", words)
+
+    if contact is not None and van_der_waals is not None:
+        work = 2.0 * contact.surface_energy
+        implied = van_der_waals.hamaker_constant / (12.0 * math.pi * van_der_waals.minimum_approach**2)
+        ratio = work / implied
+        name = "work of adhesion over A_H/(12 pi l0^2)"
+        if 0.5 < ratio < 2.0:
+            yield Finding(
+                name,
+                ratio,
+                "fine",
+                "contact and van der Waals attraction describe the same surface (0.5 to 2)",
+            )
+        else:
+            words = "contact and van der Waals attraction disagree on the adhesion (outside 0.5 to 2)"
+            yield Finding(name, ratio, "note", words)
+
+    if contact is not None:
+        reach = van_der_waals.minimum_approach if van_der_waals is not None else 0.165e-9
+        tabor = tabor_number(
+            0.5 * scene.suspension.radius,
+            2.0 * contact.surface_energy,
+            contact.elastic_modulus / (2.0 * (1.0 - contact.poisson_ratio**2)),
+            reach,
+        )
+        name = "Tabor number"
+        soft, hard = tabor > 5.0, tabor < 0.1
+        if soft or hard:
+            right = "JKR" if soft else "DMT"
+            chosen = "JKR" if contact is effects.jkr else "DMT"
+            bound = "above 5" if soft else "below 0.1"
+            verdict: Verdict = "fine" if chosen == right else "warning"
+            words = f"{right} contacts are right ({bound})" + (
+                "" if chosen == right else f", the scene has {chosen}"
+            )
+            yield Finding(name, tabor, verdict, words)
+        else:
+            words = "between JKR (above 5) and DMT (below 0.1), whose pull-off forces differ by a third"
+            yield Finding(name, tabor, "note", words)
+
+    if van_der_waals is not None:
+        attraction = (
+            van_der_waals.hamaker_constant
+            * scene.suspension.radius
+            / (12.0 * van_der_waals.minimum_approach**2)
+        )
+        ratio = attraction / unit.force
+        name = "van der Waals force at contact over 6 pi mu a^2 g"
+        if ratio < 0.01:
+            yield Finding(
+                name,
+                ratio,
+                "note",
+                "attraction before contact cannot matter (below 0.01): it may be left out",
+            )
+        else:
+            yield Finding(name, ratio, "fine", "attraction before contact decides on captures (above 0.01)")
+
+
+def _barrier(scene: Scene) -> Iterator[Finding]:
+    """Whether the flow pushes pairs through the double layer."""
+    if scene.effects.double_layer is None:
+        return
+    import numpy as np
+
+    from mcdem.effects import non_contact_force
+
+    thickness = min(scene.suspension.species) / scene.effects.double_layer.debye_length
+    if thickness > 20.0:
+        yield Finding(
+            "kappa a", thickness, "fine", "the double layer is thin against the particles (above 20)"
+        )
+    else:
+        yield Finding(
+            "kappa a", thickness, "note", "the double layer is hardly thin against the particles (10 to 20)"
+        )
+    kernels = scene.effects.kernels(scene)
+    gaps = np.geomspace(1e-6, 1.0, 400)
+    barrier = max(
+        non_contact_force(h, 1.0, kernels.van_der_waals, kernels.double_layer, None)[0] for h in gaps
+    )
+    name = "largest repulsion before contact over 6 pi mu a^2 g"
+    if barrier < 0.01:
+        yield Finding(
+            name, barrier, "note", "the double layer cannot matter (below 0.01): it may be left out"
+        )
+    elif barrier < 1.0:
+        yield Finding(name, barrier, "fine", "the flow pushes pairs through the double layer (below about 1)")
+    else:
+        yield Finding(
+            name, barrier, "note", "the flow hardly pushes pairs through the double layer (above about 1)"
+        )
+
+
+def _capture(scene: Scene) -> Iterator[Finding]:
+    """Where captures of primaries are decided, and what of the fluid's model is felt there."""
+    a, cutoff = scene.suspension.radius, scene.hydrodynamics.lubrication_cutoff
+    van_der_waals = scene.effects.van_der_waals
+    if van_der_waals is None:
+        return
+    attraction = van_der_waals.hamaker_constant / (
+        36.0 * math.pi * scene.flow.viscosity * scene.flow.shear_rate * a**3
+    )
+    name = "attraction number C_A = A_H/(36 pi mu g a^3)"
+    if scene.flow.kind != "simple_shear" or scene.suspension.radii is not None:
+        words = "laws of eta_11 are of equal primaries in simple shear: count drawn encounters"
+        yield Finding(name, attraction, "note", words)
+    elif attraction < 1e-4:
+        words = "eta_11 is below the range of the law 0.95 C_A^0.18 (above 1e-4): compute it"
+        yield Finding(name, attraction, "note", words)
+    else:
+        yield Finding(
+            name, attraction, "fine", "eta_11 follows C_A^0.18 (van de Ven & Mason 1977; above 1e-4)"
+        )
+
+    # Attraction A_H a/12h^2 against the pull of the flow, 6 pi mu a^2 g: h/a = (C_A/2)^(1/2).
+    gap = math.sqrt(0.5 * attraction)
+    roughness = van_der_waals.minimum_approach / a
+    name = "cut-off delta over the gap of capture (C_A/2)^(1/2)"
+    if not scene.hydrodynamics.lubrication:
+        words = f'level = "{scene.hydrodynamics.level}" is without lubrication: nothing holds pairs apart on their last way'
+        yield Finding("gap of capture (C_A/2)^(1/2) over a", gap, "note", words)
+    elif cutoff == 0.0:
+        yield Finding(name, 0.0, "note", "lubrication without a cut-off: eta_11 depends on l0 instead")
+    elif cutoff > gap:
+        words = f"captures are decided at gaps near {gap * a:.2g} m, inside the cut-off: eta_11 depends on delta (above 1)"
+        yield Finding(name, cutoff / gap, "note", words)
+    else:
+        yield Finding(
+            name,
+            cutoff / gap,
+            "fine",
+            "captures are decided outside the cut-off: eta_11 hardly depends on delta",
+        )
+    wavelength = van_der_waals.london_wavelength
+    if wavelength is not None:
+        retardation = 2.0 * math.pi * (gap * a + van_der_waals.minimum_approach) / wavelength
+        name = "retardation 2 pi (h + l0)/lambda at that gap"
+        if retardation < 0.1:
+            words = "retardation hardly matters for captures (below 0.1): lambda need not be known well"
+        else:
+            words = "retardation weakens the attraction where captures are decided (above 0.1)"
+        yield Finding(name, retardation, "fine", words)
+    if cutoff > 0.0 and scene.hydrodynamics.lubrication:
+        name = "cut-off delta over l0/a"
+        if cutoff > 0.1:
+            words = "the cut-off is beyond 0.1 a: little of lubrication is left"
+            yield Finding(name, cutoff / roughness, "warning", words)
+        elif cutoff < roughness:
+            words = "lubrication is resolved below the molecular roughness l0 (below 1)"
+            yield Finding(name, cutoff / roughness, "note", words)
+        else:
+            words = f"lubrication ends {cutoff * a:.2g} m from contact, above the molecular roughness l0 (above 1)"
+            yield Finding(name, cutoff / roughness, "fine", words)
+
+
+def _frozen_matrix(scene: Scene) -> Iterator[Finding]:
+    """Whether contacts lie so far below the cut-off that the strain squeezes them through the frozen resistance."""
+    contact, fluid = scene.effects.contact, scene.hydrodynamics
+    if contact is None or not fluid.lubrication or fluid.cutoff_reading != "matrix":
+        return
+    from mcdem.hydrodynamics.two_sphere.tables import SMALLEST_GAP
+
+    overlap = -contact.kernel(scene).equilibrium_gap
+    frozen = max(fluid.lubrication_cutoff, SMALLEST_GAP)
+    ratio, share = frozen / overlap, doublet_share(frozen, overlap)
+    name = "cut-off delta over the overlap of a contact at rest"
+    if share > 0.0:
+        told = f'with cutoff_reading = "matrix" a touching doublet bears {share:.2g} of its exact tension'
+    else:
+        told = (
+            'with cutoff_reading = "matrix" the flow presses a touching doublet together where it should pull'
+        )
+    if ratio > 5.0:
+        yield Finding(name, ratio, "fine", f"contacts rest well above minus delta (above 5): {told}")
+    elif ratio > 1.0:
+        yield Finding(name, ratio, "note", f"contacts overlap by a good part of delta (1 to 5): {told}")
+    else:
+        words = f'contacts overlap by more than delta (below 1): {told}; choose cutoff_reading = "gap"'
+        yield Finding(name, ratio, "warning", words)
+
+
+def _dilution(scene: Scene) -> Iterator[Finding]:
+    """Encounters are binary: each must be over before the next begins."""
+    flow = scene.flow
+    # Each primary meets 8 phi g/pi others in unit time at the start (Eq. 2 over N/2 pairs each).
+    between = (
+        math.pi / (8.0 * scene.suspension.volume_fraction) * flow.shear_rate / flow.equivalent_shear_rate
+    )
+    # Mean approach z0/y0 over the flux is 3 pi/4 of start_distance; where the flow stretches it is about its logarithm.
+    approach = 3.0 * math.pi / 4.0 * scene.numerics.start_distance
+    if flow.kind != "simple_shear":
+        approach = min(approach, (1.0 + math.log(scene.numerics.start_distance)) / stretching(scene))
+    # Then the rotations of Eq. 21.
+    length = approach + 4.0 * math.pi * scene.numerics.rotations
+    ratio = length / between
+    name = "simulated time of an encounter over the time between two"
+    told = f"strain {length:.0f} against {between:.0f}, phi = {scene.suspension.volume_fraction:g}"
+    if ratio < 0.1:
+        yield Finding(name, ratio, "fine", f"encounters are binary (below 0.1: {told})")
+    elif ratio < 1.0:
+        yield Finding(
+            name, ratio, "note", f"aggregates may meet a third one while they restructure (0.1 to 1: {told})"
+        )
+    else:
+        yield Finding(name, ratio, "warning", f"too crowded for binary encounters (above 1: {told})")
+
+
+def _numerics(scene: Scene) -> Iterator[Finding]:
+    """Steps against the fastest motion, that of a contact."""
+    numerics = scene.numerics
+    if scene.effects.contact is not None:
+        relaxation = contact_relaxation(scene)
+        base = numerics.paper_base_step
+        ratio = base / relaxation
+        name = "paper's step dt_b over a contact's relaxation time"
+        told = f"{relaxation:.2g} s; explicit steps are unstable above 2, near 1 under compression"
+        used = numerics.scheme == "paper"
+        other = "" if used else "; the implicit scheme of this scene has no such limit"
+        if ratio < 0.3:
+            yield Finding(name, ratio, "fine", f"dt_b resolves the contacts ({told}){other}")
+        elif ratio < 2.0:
+            yield Finding(name, ratio, "note", f"dt_b is near the contact's relaxation time ({told}){other}")
+        else:
+            words = f"dt_b is past the limit of explicit steps ({told}){other}"
+            yield Finding(name, ratio, "warning" if used else "note", words)
+    if numerics.scheme == "implicit":
+        step = numerics.max_step
+        name = "longest step, in strain"
+        if step <= 0.1:
+            yield Finding(name, step, "fine", "turning aggregates are resolved (up to 0.1)")
+        elif step <= 0.25:
+            yield Finding(
+                name, step, "note", "bond tensions of turning aggregates are several per cent low (above 0.1)"
+            )
+        else:
+            yield Finding(name, step, "warning", "turning aggregates are not resolved (above 0.25)")
+    if numerics.start_distance < 3.0:
+        words = "encounters start where the aggregates already feel each other (below 3)"
+        yield Finding("start distance over R_i + R_j", numerics.start_distance, "note", words)
+
+
+def stretching(scene: Scene) -> float:
+    """Largest rate of stretching over g: 1/2 in simple shear."""
+    import numpy as np
+
+    G = gradient(scene.flow)
+    return float(np.linalg.eigvalsh(0.5 * (G + G.T))[-1])
+
+
+def tabor_number(radius: float, work: float, modulus: float, reach: float) -> float:
+    """(R w^2/(E*^2 z0^3))^(1/3) of two spheres (Tabor 1977).
+
+    radius : reduced radius a1 a2/(a1 + a2) [m];  work : of adhesion [J/m^2];  modulus : reduced, E* [Pa]
+    reach : range z0 of the attraction [m]
+    """
+    return (radius * work**2 / (modulus**2 * reach**3)) ** (1.0 / 3.0)
+
+
+def doublet_share(cutoff: float, overlap: float) -> float:
+    """Tension of a touching doublet over its exact one, where the resistance is frozen at the cut-off; lengths in a.
+
+    Beside the tension T of the exact problem, 6.12 pi mu a^2 g, the strain g/2 at the true distance moves the surfaces together
+    (cut-off + overlap)/2 too fast against the damping 6 pi mu a/(4 delta) of the cut-off.
+    """
+    return 1.0 - (1.0 + overlap / cutoff) / 8.0 / (6.12 / 6.0)
+
+
+def contact_relaxation(scene: Scene) -> float:
+    """Time [s] in which a contact of two primaries falls back to its equilibrium gap: squeeze-film damping over stiffness.
+
+    The damping is the leading term 6 pi mu a/(4 delta) of lubrication at the cut-off, or at l0/a without one; where the scene
+    has no lubrication, that of two touching spheres at its level of hydrodynamics.
+    """
+    contact, unit = scene.effects.contact, scene.reduced
+    assert contact is not None
+    van_der_waals = scene.effects.van_der_waals
+    roughness = van_der_waals.minimum_approach / unit.length if van_der_waals is not None else 3e-4
+    gap = scene.hydrodynamics.lubrication_cutoff or roughness
+    damping = {
+        "free_draining": 1.0 / 2.0,
+        "rotne_prager": 4.0 / 3.0,  # 1/(2 (1 - 5/8)) by the couplings of `far_field` at r = 2a
+        "fts": 40.0 / 21.0,  # half of X^A_11 - X^A_12 by `two_sphere.far_field` there
+        "stokesian": 1.0 / (4.0 * gap),
+    }
+    stiffness = contact.kernel(scene).equilibrium_stiffness
+    return unit.time * damping[scene.hydrodynamics.level] / stiffness

@@ -1,0 +1,104 @@
+"""What an assumption changes: the same encounters under the scene as given and with other values of its keys.
+
+The same aggregates meet in the same orientations and offsets, so differences are paired and a change shows with few
+encounters.  Numerics have `mcdem cost`, which also weighs them; here stands whatever a scene can say: cut-off, materials,
+effects, rotations, the scheme.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcdem.analysis.accuracy_cost import GIVEN, Pair, Sample, Setting, sampled
+from mcdem.encounter.simulate import OUTCOMES
+from mcdem.monte_carlo.sweep import toml_value
+from mcdem.scene import Scene
+
+ETA = "eta_11"
+"""Efficiency of two primaries, from the boundaries of capture: not sampled."""
+STRICT = "breakup, strict"
+"""Exchange and fragmentation together."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One quantity under one setting, and how it differs from the scene as given.
+
+    error : paired standard error of the difference; 0 where nothing was sampled
+    """
+
+    setting: Setting
+    quantity: str
+    given: float
+    changed: float
+    error: float
+    encounters: int
+    cpu_time: float
+    """[s] an encounter under the setting"""
+
+    @property
+    def value(self) -> float:
+        """Difference of a share or mean; of eta_11 relative to the scene's, nan where nothing sticks."""
+        if self.quantity != ETA:
+            return self.changed - self.given
+        return self.changed / self.given - 1.0 if self.given else float("nan")
+
+
+def settings_from(given: dict[str, list[str]]) -> list[Setting]:
+    """One setting for each value of each key, after the scene as given; every key is changed alone."""
+    return [
+        Setting(GIVEN, "as given"),
+        *(
+            Setting(f"{key} = {value}", key, {key: toml_value(value)})
+            for key, values in given.items()
+            for value in values
+        ),
+    ]
+
+
+def differences(
+    setting: Setting, eta: tuple[float, float], given: Sequence[Sample], changed: Sequence[Sample]
+) -> list[Difference]:
+    """Every quantity; eta : under the scene as given and under the setting."""
+    count, time = len(given), float(np.mean([s.cpu_time for s in changed]))
+    found = [Difference(setting, ETA, *eta, 0.0, count, time)]
+
+    def add(name: str, one: NDArray[np.float64], other: NDArray[np.float64]) -> None:
+        spread = other - one
+        error = float(spread.std(ddof=1)) / np.sqrt(count) if count > 1 else np.inf
+        found.append(Difference(setting, name, float(one.mean()), float(other.mean()), error, count, time))
+
+    codes = [np.array([s.outcome for s in samples]) for samples in (given, changed)]
+    for k, name in enumerate(OUTCOMES):
+        add(name, *((code == k).astype(float) for code in codes))
+    strict = [OUTCOMES.index(name) for name in ("exchange", "fragmentation")]
+    add(STRICT, *(np.isin(code, strict).astype(float) for code in codes))
+    for name in ("fragment", "geometry"):
+        add(name, *(np.array([getattr(s, name) for s in samples]) for samples in (given, changed)))
+    return found
+
+
+def vary(
+    scene: Scene,
+    settings: Sequence[Setting],
+    pairs: Sequence[Pair],
+    *,
+    seed: int = 0,
+    rays: int = 4,
+    executor: Executor | None = None,
+    progress: Callable[[str, int, int], None] = lambda name, done, wanted: None,
+) -> Iterator[list[Difference]]:
+    """Differences under each setting, one after another; the first, the scene as given, has none but is told too.
+
+    progress : called with the setting's name, and how many of its tasks are done of how many
+    """
+    eta_given, given = float("nan"), list[Sample]()
+    for setting, eta, samples in sampled(scene, settings, pairs, seed, rays, executor, progress):
+        if not given:
+            eta_given, given = eta, samples
+        yield differences(setting, (eta_given, eta), given, samples)

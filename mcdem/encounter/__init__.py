@@ -1,0 +1,1 @@
+"""One encounter of two aggregates, from upstream to its outcome."""

@@ -1,0 +1,444 @@
+"""From the start of an encounter to its end.
+
+Without shortcuts this is one loop over the steps of the chosen scheme, all primaries together (`march`).  The
+shortcuts (`Shortcuts`, each with an off) skip what cannot change the outcome:
+
+  far approach     two rigid aggregates come together as bodies with a stresslet (`approach`)
+  sure miss        and pass each other so, if no two of their primaries come near each other
+  separate bodies  parts that recede from each other go on as smaller problems
+  rigid rotation   an aggregate without floppy modes turns as a rigid body until its load nears its strength (`rigid`)
+  inert            a rigid aggregate that bears its worst orientation is done: nothing can happen to it alone
+
+What is floppy, near something else, or near its strength is followed primary by primary.  The decisions are taken
+here, a few in an encounter; every step is taken in compiled code.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcdem.aggregates.aggregate import centre_of_mass
+from mcdem.effects import non_contact_force
+from mcdem.encounter import frames as recording
+from mcdem.encounter.frames import Frames
+from mcdem.hydrodynamics import stokesian
+from mcdem.integrators.bodies import centre_and_reach, label_bodies
+from mcdem.integrators.explicit_euler import PaperOptions
+from mcdem.integrators.implicit_midpoint import ImplicitOptions, find_gaps, scratch
+from mcdem.integrators.state import DONE, PARTED, PAUSED, SETTLED, Flow, Log, Motion, Physics, new_history
+from mcdem.integrators.time_loop import march, new_watch
+from mcdem.rigid_aggregates.passage import approach, pass_by
+from mcdem.rigid_aggregates.statics import RIGID, RigidBody, analyse, tumble, worst_load
+from mcdem.rigid_aggregates.statics_with_torques import analyse_with_moments
+
+RIGID_STEP = 0.1
+"""Step of rigid bodies in 1/g; their motion is smooth, and second order in it."""
+WEAK = 0.01
+"""Direct force [6 pi mu a^2 g] between two primaries that hardly moves them."""
+
+
+class Shortcuts(NamedTuple):
+    """Which shortcuts are taken; lengths in R_i + R_j, loads in pull-off forces, times in 1/g."""
+
+    far_approach: float  # centre distance up to which rigid aggregates approach as bodies; 0: off
+    sure_miss: float  # gap in a between primaries beyond which rigid aggregates pass as bodies; 0: off
+    separation: float  # centre distance beyond which receding parts go on alone; 0: off
+    rigid_rotation: bool
+    inert: bool
+    load_limit: float  # largest load at which an aggregate is taken as rigid
+    quiet_time: float  # strain without a change of contacts before an aggregate is taken as rigid
+
+
+class Posture(NamedTuple):
+    """A rigid body where it is."""
+
+    body: RigidBody
+    turn: NDArray[np.float64]  # (3, 3) since it was analysed
+    centre: NDArray[np.float64]  # (3,)
+
+
+class Waiting(NamedTuple):
+    """Primaries (m,) that are still to be followed, from a time on, and the body that they are if that is known."""
+
+    members: NDArray[np.intp]
+    clock: float
+    posture: Posture | None = None
+
+
+@dataclass(frozen=True)
+class Course:
+    """All that stays the same while an encounter is followed, and its log.
+
+    implicit, paper : options of the stepping scheme; exactly one is given
+    end, most_steps : time [1/g] and number of steps at which it ends;  frames : None unless it is recorded
+    """
+
+    flow: Flow
+    physics: Physics
+    implicit: ImplicitOptions | None
+    paper: PaperOptions | None
+    shortcuts: Shortcuts
+    log: Log
+    end: float
+    most_steps: int
+    frames: Frames | None = None
+
+    @property
+    def now(self) -> float:
+        return float(self.log.time[0])
+
+    @property
+    def next_frame(self) -> float:
+        """Time [1/g] of the next frame, inf if nothing is recorded."""
+        if self.frames is None:
+            return math.inf
+        return self.frames.interval * (math.floor(self.now / self.frames.interval + 1e-9) + 1)
+
+    def skip(self, elapsed: float) -> None:
+        """Time goes on without steps."""
+        self.log.time[0] += elapsed
+        self.log.skipped[0] += elapsed
+
+
+def integrate(motion: Motion, course: Course) -> int:
+    """Advance `motion` to the end of the course.  Returns a code of `state`.
+
+    Parts that went on alone end at the same time, but the distances between them mean nothing any more.
+    """
+    parted = come_near(motion, course) if course.shortcuts.far_approach > 0.0 else None
+    waiting = [Waiting(np.arange(len(motion.radii)), course.now)] if parted is None else parted
+    while waiting:
+        members, clock, posture = waiting.pop()
+        course.log.time[0] = clock
+        part = take(motion, members)
+        code = follow(part, members, course, posture)
+        put_back(part, members, motion)
+        if code == PARTED:
+            labels = np.empty(len(members), np.int64)
+            for body in range(label_bodies(part.bonded, labels)):
+                alone = members[labels == body]
+                if len(alone) > 1 or course.frames is not None:
+                    waiting.append(Waiting(alone, course.now))
+        elif code != DONE:
+            return code
+    course.log.time[0] = course.end
+    return DONE
+
+
+def take(motion: Motion, members: NDArray[np.intp]) -> Motion:
+    """A copy of some primaries (m,) as a motion of their own."""
+    within = np.ix_(members, members)
+    return Motion(
+        motion.positions[members],
+        motion.velocities[members],
+        motion.bonded[within],
+        motion.born[within],
+        motion.radii[members],
+        motion.parent[members],
+        None if motion.springs is None else motion.springs[within],
+    )
+
+
+def put_back(part: Motion, members: NDArray[np.intp], motion: Motion) -> None:
+    """Write a part back; contacts across its border are gone already."""
+    within = np.ix_(members, members)
+    motion.positions[members], motion.velocities[members] = part.positions, part.velocities
+    motion.bonded[within], motion.born[within] = part.bonded, part.born
+    if motion.springs is not None:
+        motion.springs[within] = part.springs
+
+
+def follow(part: Motion, members: NDArray[np.intp], course: Course, posture: Posture | None) -> int:
+    """Follow some primaries, a rigid body if `posture` is given, to the end of the course; DONE, PARTED, or an error code."""
+    log, shortcuts = course.log, course.shortcuts
+    n = len(part.radii)
+    # An aggregate as it was found has had all the time to settle.
+    rested = n > 1 and log.steps[0] == 0
+    if posture is not None and rest_as_body(part, members, posture, course):
+        return DONE
+    work, history, gaps = scratch(n, part.springs is not None), new_history(part), np.empty((n, n))
+    find_gaps(part.positions, part.radii, gaps)
+    watch = new_watch(log, course.now - shortcuts.quiet_time if rested and posture is None else course.now)
+    quiet_time = shortcuts.quiet_time if shortcuts.rigid_rotation or shortcuts.inert else math.inf
+    while True:
+        recording.keep(course.frames, part, members, course.physics, course.now)
+        code = march(
+            part,
+            history,
+            gaps,
+            work,
+            course.flow,
+            course.physics,
+            course.implicit,
+            course.paper,
+            log,
+            watch,
+            shortcuts.separation,
+            quiet_time,
+            course.next_frame,
+            course.end,
+            course.most_steps,
+        )
+        if code == PAUSED:
+            continue
+        if code != SETTLED:
+            recording.keep(course.frames, part, members, course.physics, course.now)
+            return int(code)
+        body, centre = analysed(part, course.physics)
+        if body is None:
+            watch.look[0] = course.now + 2.0 * shortcuts.quiet_time
+            continue
+        started = course.now
+        if rest_as_body(part, members, Posture(body, np.eye(3), centre), course):
+            return DONE
+        if course.now > started:
+            find_gaps(part.positions, part.radii, gaps)
+            history = new_history(part)
+        watch.look[0] = course.now + shortcuts.quiet_time
+
+
+def rest_as_body(part: Motion, members: NDArray[np.intp], posture: Posture, course: Course) -> bool:
+    """Whether a rigid part gets to the end of the course as a body; else it is where its load became too large."""
+    shortcuts = course.shortcuts
+    if shortcuts.inert and worst_load(posture.body, course.flow.strain_five) < shortcuts.load_limit:
+        if course.frames is not None:
+            roll_on(part, members, posture, course, math.inf)
+        course.skip(course.end - course.now)
+        return True
+    return shortcuts.rigid_rotation and roll_on(part, members, posture, course, shortcuts.load_limit)
+
+
+def analysed(part: Motion, physics: Physics) -> tuple[RigidBody | None, NDArray[np.float64]]:
+    """The rigid body (None if it is not one) of a part that is connected, and its centre (3,)."""
+    centre = centre_of_mass(part.positions, part.radii)
+    if part.springs is not None:
+        code, body = analyse_with_moments(
+            stokesian.workspace(len(part.radii)),
+            part.positions - centre,
+            part.bonded,
+            part.springs,
+            part.radii,
+            physics,
+            physics.coupled,
+            physics.stresslets,
+            physics.table,
+        )
+        return (body if code == RIGID else None), centre
+    if len(part.radii) > 1 and np.count_nonzero(part.bonded) // 2 < max(3 * len(part.radii) - 6, 1):
+        return None, centre
+    code, body = analyse(
+        stokesian.workspace(len(part.radii)),
+        part.positions - centre,
+        part.bonded,
+        part.radii,
+        physics.cutoff,
+        physics.shifted,
+        physics.coupled,
+        physics.stresslets,
+        physics.table,
+        physics.van_der_waals,
+        physics.double_layer,
+        physics.short_range,
+        physics.jkr,
+        physics.dmt,
+    )
+    return (body if code == RIGID else None), centre
+
+
+def place(part: Motion, body: RigidBody, turn, centre, gradient, springs) -> None:
+    """Put the primaries of a rigid body where it is, and its `springs`, as analysed, with them.
+
+    Velocities are those of the flow, for a start.
+    """
+    if springs is not None:
+        assert part.springs is not None
+        part.springs[..., :3], part.springs[..., 3:6] = springs[..., :3] @ turn.T, springs[..., 3:6] @ turn.T
+    about = body.positions @ turn.T
+    part.positions[:] = centre + about
+    spin = 0.5 * np.array(
+        [gradient[2, 1] - gradient[1, 2], gradient[0, 2] - gradient[2, 0], gradient[1, 0] - gradient[0, 1]]
+    )
+    part.velocities[:] = np.cross(spin, about) + gradient @ centre
+
+
+def roll_on(part: Motion, members: NDArray[np.intp], posture: Posture, course: Course, limit: float) -> bool:
+    """Turn a rigid part until the end or until its load exceeds `limit`; whether it reached the end."""
+    flow, (body, turn, centre) = course.flow, posture
+    springs = None if part.springs is None else part.springs.copy()
+    stopped, home = False, centre.copy()
+    while not stopped and course.now < course.end - 1e-12:
+        duration = min(course.end, course.next_frame) - course.now
+        elapsed, load, stopped = tumble(
+            body, turn, centre, flow.gradient, flow.strain, duration, RIGID_STEP, limit
+        )
+        if flow.centred is not None:
+            centre[:] = home
+        course.skip(elapsed)
+        note_load(course.log, body, load)
+        place(part, body, turn, centre, flow.gradient, springs)
+        recording.keep(course.frames, part, members, course.physics, course.now, body, turn, flow.strain)
+    return not stopped
+
+
+def note_load(log: Log, body: RigidBody, load: float) -> None:
+    """Log the largest tension of a body whose largest ratio of tension to pull-off force was `load`."""
+    if body.contacts:
+        strongest = body.strength[: body.contacts].max()
+        log.largest_tension[0] = max(log.largest_tension[0], load * strongest)
+
+
+@dataclass(frozen=True)
+class RigidPair:
+    """Two rigid aggregates on their way, and what they turn about.
+
+    turns (2, 3, 3) and centres (2, 3) are where they are now; reach : R_i + R_j
+    """
+
+    parts: list[Motion]
+    members: list[NDArray[np.intp]]
+    bodies: list[RigidBody]
+    turns: NDArray[np.float64]
+    centres: NDArray[np.float64]
+    springs: list[NDArray[np.float64] | None]
+    reach: float
+
+    def show(self, course: Course) -> None:
+        """Write the frames that are due."""
+        for part, members, body, turn in zip(self.parts, self.members, self.bodies, self.turns, strict=True):
+            recording.keep(
+                course.frames, part, members, course.physics, course.now, body, turn, course.flow.strain
+            )
+
+    def place(self, course: Course) -> None:
+        """Put the primaries where their bodies are."""
+        for part, body, turn, centre, springs in zip(
+            self.parts, self.bodies, self.turns, self.centres, self.springs, strict=True
+        ):
+            place(part, body, turn, centre, course.flow.gradient, springs)
+
+    def put_back(self, motion: Motion) -> None:
+        """Write both back into the motion of all primaries."""
+        for part, members in zip(self.parts, self.members, strict=True):
+            put_back(part, members, motion)
+
+
+def rigid_pair(motion: Motion, physics: Physics) -> RigidPair | None:
+    """The two aggregates of an encounter as bodies; None if one of them is not rigid."""
+    members = [np.nonzero(motion.parent == which)[0] for which in (0, 1)]
+    parts = [take(motion, m) for m in members]
+    bodies, centres, reach = [], np.empty((2, 3)), 0.0
+    for which, part in enumerate(parts):
+        body, centres[which] = analysed(part, physics)
+        if body is None:
+            return None
+        bodies.append(body)
+        reach += centre_and_reach(
+            part.positions, part.radii, np.zeros(len(part.radii), np.int64), 0, np.empty(3)
+        )
+    springs = [None if part.springs is None else part.springs.copy() for part in parts]
+    return RigidPair(parts, members, bodies, np.stack([np.eye(3)] * 2), centres, springs, reach)
+
+
+def come_near(motion: Motion, course: Course) -> list[Waiting] | None:
+    """Let two rigid aggregates approach as bodies; what is still to be followed if they surely miss each other, else None."""
+    pair = rigid_pair(motion, course.physics)
+    if pair is None:
+        return None
+    flow, shortcuts = course.flow, course.shortcuts
+    going = True
+    while going:
+        pair.show(course)
+        duration = min(course.end, course.next_frame) - course.now
+        elapsed, load = approach(
+            pair.bodies[0],
+            pair.bodies[1],
+            pair.turns,
+            pair.centres,
+            flow.gradient,
+            flow.strain,
+            shortcuts.far_approach * pair.reach,
+            duration,
+            RIGID_STEP,
+            shortcuts.load_limit,
+        )
+        course.skip(elapsed)
+        going = course.frames is not None and elapsed >= duration - 1e-9 and course.now < course.end - 1e-9
+        for body in pair.bodies:
+            note_load(course.log, body, load)
+        pair.place(course)
+    parted = miss(pair, course)
+    pair.put_back(motion)
+    return parted
+
+
+def miss(pair: RigidPair, course: Course) -> list[Waiting] | None:
+    """What is to be followed after two rigid aggregates surely missed each other; None, and they stay, if they may not.
+
+    What happens to an aggregate after that is its own affair, so this needs that parts are let go on alone.
+    """
+    shortcuts, physics = course.shortcuts, course.physics
+    if shortcuts.sure_miss <= 0.0 or shortcuts.separation <= 0.0:
+        return None
+    force, _ = non_contact_force(
+        shortcuts.sure_miss, 1.0, physics.van_der_waals, physics.double_layer, physics.short_range
+    )
+    if abs(force) > WEAK:
+        return None
+    before = pair.turns.copy(), pair.centres.copy()
+    surely, elapsed, load, gap = pass_on(pair, course, course.end - course.now)
+    if not surely:
+        pair.turns[:], pair.centres[:] = before
+        return None
+    if course.frames is None:
+        course.skip(elapsed)
+    else:
+        pair.turns[:], pair.centres[:] = before
+        show_passage(pair, course, course.now + elapsed)
+    course.log.smallest_gap[0] = min(course.log.smallest_gap[0], gap)
+    for body in pair.bodies:
+        note_load(course.log, body, load)
+    pair.place(course)
+    return [
+        Waiting(members, course.now, Posture(body, turn, centre))
+        for members, body, turn, centre in zip(
+            pair.members, pair.bodies, pair.turns, pair.centres, strict=True
+        )
+        if len(members) > 1 or course.frames is not None
+    ]
+
+
+def pass_on(pair: RigidPair, course: Course, duration: float) -> tuple[bool, float, float, float]:
+    """`approach.pass_by` by the shortcuts taken."""
+    shortcuts, flow = course.shortcuts, course.flow
+    found: tuple[bool, float, float, float] = pass_by(
+        pair.bodies[0],
+        pair.bodies[1],
+        pair.turns,
+        pair.centres,
+        pair.parts[0].radii,
+        pair.parts[1].radii,
+        flow.gradient,
+        flow.strain,
+        shortcuts.sure_miss,
+        shortcuts.separation * pair.reach,
+        duration,
+        RIGID_STEP,
+        shortcuts.load_limit,
+    )
+    return found
+
+
+def show_passage(pair: RigidPair, course: Course, end: float) -> None:
+    """Pass once more, to `end`, and write the frames on the way."""
+    while course.now < end - 1e-9:
+        _, elapsed, _, _ = pass_on(pair, course, min(end, course.next_frame) - course.now)
+        if elapsed == 0.0:
+            course.skip(end - course.now)
+        course.skip(elapsed)
+        pair.place(course)
+        pair.show(course)

@@ -1,0 +1,185 @@
+"""Films of encounters: the spheres, and beside them the bonds coloured by their tension."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from mcdem.encounter.trajectory import Trajectory
+from mcdem.errors import UserError
+from mcdem.figures.encounter import PARENTS, components
+from mcdem.figures.render import SHEAR_PLANE, Camera, Canvas
+from mcdem.figures.style import GREY, look
+
+FRAMES_PER_SECOND = 25
+FORMATS = {".mp4": "imageio-ffmpeg", ".gif": "pillow"}
+BEFORE, AFTER = 6.0, 10.0
+"""Strains shown before the two are near each other and after the last aggregate was made or broke."""
+ASPECT = 2.2
+"""Width over height of each of the two pictures: what parts drifts away along the flow."""
+
+
+def interesting(t: Trajectory) -> Trajectory:
+    """From shortly before the aggregates are near to shortly after the last change of who is bonded to whom.
+
+    A cluster may exchange bonds within itself for ever; that alone is no reason to go on.
+    """
+    cross = t.parent[:, None] != t.parent[None]
+    distance = np.linalg.norm(t.positions[:, :, None] - t.positions[:, None], axis=3)
+    touching = t.each_radius[:, None] + t.each_radius
+    gap = (distance - touching)[:, cross].min(axis=1)
+    near = int(np.argmax(gap < t.radius)) if (gap < t.radius).any() else int(np.argmin(gap))
+    members = np.array([components(tension) for tension in t.tension])
+    changed = np.flatnonzero((members[1:] != members[:-1]).any(axis=1))
+    last = max(int(changed[-1]) + 1 if len(changed) else 0, int(np.argmin(gap)))
+    first = int(np.searchsorted(t.strain, t.strain[near] - BEFORE))
+    return t.part(first, int(np.searchsorted(t.strain, t.strain[last] + AFTER)) + 1)
+
+
+def half_widths(t: Trajectory) -> NDArray[np.float64]:
+    """(F,) [m] what a picture spans along the flow: all there is, within bounds, and never in a jerk."""
+    about = np.abs(t.positions - t.positions.mean(axis=1, keepdims=True)).max(axis=1) + 2 * t.radius
+    away = np.maximum(about[:, 2], ASPECT * about[:, 1])
+    together = float(away.min())
+    wanted = np.clip(away, 1.2 * together, 2.4 * together)
+    window = max(1, round(2.0 / max(float(np.median(np.diff(t.strain))) if t.frames > 1 else 1.0, 1e-9)))
+    kernel = np.hanning(2 * window + 3)[1:-1]
+    padded = np.pad(wanted, window, mode="edge")
+    return np.asarray(np.convolve(padded, kernel / kernel.sum(), mode="valid"))
+
+
+def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
+    """Pictures (height, width, 3) one after another: spheres by parent; bonds by tension over pull-off."""
+    scale = (
+        t.pull_off_force
+        if np.isfinite(t.pull_off_force)
+        else float(np.nanmax(np.abs(t.tension), initial=1e-30))
+    )
+    colours = ScalarMappable(Normalize(-1, 1), mpl.colormaps["coolwarm"])
+    tints = PARENTS[t.parent]
+    tall = round(width / ASPECT)
+    strip = round(0.09 * width)
+    height = 2 * tall + strip
+    with look():
+        figure = Figure(figsize=(width / 100, height / 100), dpi=100)
+        figure.set_layout_engine("none")
+        agg = FigureCanvasAgg(figure)
+        above = figure.add_axes((0.0, (tall + strip) / height, 1.0, tall / height))
+        below = figure.add_axes((0.0, strip / height, 1.0, tall / height))
+        for axes in (above, below):
+            axes.set_axis_off()
+        size = 10 * width / 720
+        clock = figure.text(0.015, 0.985, "", fontsize=1.1 * size, va="top")
+        count = figure.text(0.015, (tall + strip) / height, "", fontsize=1.1 * size, va="top")
+        figure.text(
+            0.985,
+            0.985,
+            r"flow $\rightarrow$, gradient $\uparrow$",
+            fontsize=0.85 * size,
+            color=GREY,
+            va="top",
+            ha="right",
+        )
+        bar = figure.add_axes((0.62, 0.66 * strip / height, 0.34, 0.24 * strip / height))
+        scale_bar = figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=[-1, 0, 1])
+        scale_bar.ax.tick_params(length=0, pad=1)
+        scale_bar.ax.set_xticklabels(["push 1", "0", "1 pull"], fontsize=0.9 * size)
+        figure.text(
+            0.585, 0.62 * strip / height, r"bond tension / $F_{adh}$", fontsize=0.85 * size, ha="right"
+        )
+        pictures: list = []
+        for k, half in enumerate(half_widths(t)):
+            camera = Camera(t.positions[k].mean(axis=0), half, **SHEAR_PLANE)
+            solid = (
+                Canvas(camera, 2 * width, 2 * tall).spheres(t.positions[k], t.each_radius, tints).smoothed()
+            )
+            pairs, tension = t.bonds(k)
+            net = Canvas(camera, 2 * width, 2 * tall)
+            net.spheres(t.positions[k], 0.30 * t.each_radius, 0.25 + 0.5 * tints)
+            if len(pairs):
+                ends = t.positions[k][pairs]
+                net.rods(ends[:, 0], ends[:, 1], 0.16 * t.radius, colours.to_rgba(tension / scale)[:, :3])
+            for place, (axes, image) in enumerate(((above, solid), (below, net.smoothed()))):
+                if len(pictures) < 2:
+                    pictures.append(axes.imshow(image, aspect="auto", interpolation="none"))
+                else:
+                    pictures[place].set_data(image)
+            clock.set_text(rf"strain $\dot\gamma t$ = {t.strain[k]:5.1f}")
+            strongest = tension.max(initial=0.0) / scale
+            count.set_text(rf"{len(pairs)} bonds, strongest pull {max(strongest, 0):.2f} $F_{{adh}}$")
+            agg.draw()
+            yield np.asarray(agg.buffer_rgba())[:, :, :3].copy()
+
+
+def film(trajectory: Trajectory, path: Path | str, width: int | None = None, whole: bool = False) -> Path:
+    """Write an encounter as MP4 (H.264) or GIF, by the file's ending; returns the path.
+
+    width : of the picture in pixels, 720 for MP4 and 440 for GIF by default
+    whole : from the first frame to the last, not only from shortly before contact to shortly after the last change
+    """
+    path = Path(path)
+    if path.suffix.lower() not in FORMATS:
+        raise UserError(f"{path}: a film ends in {' or '.join(FORMATS)}")
+    course = trajectory if whole else interesting(trajectory)
+    try:
+        if path.suffix.lower() == ".gif":
+            _write_gif(course, path, width or 440)
+        else:
+            _write_mp4(course, path, width or 720)
+    except OSError as problem:
+        raise UserError(f"{path}: cannot be written: {problem}") from None
+    return path
+
+
+def _write_mp4(course: Trajectory, path: Path, width: int) -> None:
+    try:
+        import imageio_ffmpeg
+    except ImportError:
+        raise UserError(
+            f'{path}: MP4 needs imageio-ffmpeg: pip install "pbekit[view]", or name a .gif'
+        ) from None
+    pictures = frames(course, width - width % 2)
+    first = next(pictures)
+    height = first.shape[0] - first.shape[0] % 2
+    writer = imageio_ffmpeg.write_frames(
+        str(path),
+        (first.shape[1], height),
+        fps=FRAMES_PER_SECOND,
+        codec="libx264",
+        quality=None,
+        macro_block_size=2,
+        output_params=["-crf", "23", "-preset", "medium", "-threads", "1"],
+        ffmpeg_log_level="error",
+    )
+    writer.send(None)
+    writer.send(np.ascontiguousarray(first[:height]))
+    for picture in pictures:
+        writer.send(np.ascontiguousarray(picture[:height]))
+    writer.close()
+
+
+def _write_gif(course: Trajectory, path: Path, width: int) -> None:
+    from PIL import Image
+
+    every = max(1, round(course.frames / 110))  # a page loads so many small pictures without a wait
+    course = course.part(0, course.frames, every)
+    images = [Image.fromarray(picture) for picture in frames(course, width)]
+    # One palette for all, or the background would flicker.
+    palette = images[len(images) // 2].quantize(colors=64, method=Image.Quantize.MEDIANCUT)
+    small = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+    small[0].save(
+        path,
+        save_all=True,
+        append_images=small[1:],
+        duration=round(1000 * every / FRAMES_PER_SECOND),
+        loop=0,
+        optimize=True,
+    )

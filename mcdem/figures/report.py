@@ -1,0 +1,161 @@
+"""A page that tells what a run was and what came of it, with its figures and its warnings."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from mcdem.analysis import paper
+from mcdem.analysis.breakup import in_reading
+from mcdem.analysis.dataset import FEW_BREAKUPS, Run
+from mcdem.analysis.paper_comparison import RULE, compare
+from mcdem.analysis.statistics import STEADY_TEST, share
+from mcdem.errors import UserError
+from mcdem.figures import figures_of
+from mcdem.figures.growth import van_de_ven_mason
+from mcdem.figures.outcomes import pull_off_force
+from mcdem.figures.style import look
+from mcdem.scene import describe
+
+BOLTZMANN, ROOM_TEMPERATURE = 1.380649e-23, 298.15
+TEMPLATE = Path(__file__).with_name("report.html.j2")
+
+
+def parameters(run: Run) -> list[tuple[str, str, str, str]]:
+    """(table, key, value in SI, meaning) of everything the scene holds."""
+    rows = []
+    tables = {(key.table, key.key): key for key in describe()}
+    for (table, name), key in tables.items():
+        if not name:
+            continue
+        value: Any = run.scene
+        for part in (*table.split("."), name):
+            value = getattr(value, part, None)
+        if value is None:
+            continue
+        text = f"{value:.6g}" if isinstance(value, float) else str(value)
+        rows.append((table, name, text, key.meaning))
+    return rows
+
+
+def dimensionless_groups(run: Run) -> list[tuple[str, str, float]]:
+    """(symbol, meaning, value) of what governs the run."""
+    scene, a = run.scene, run.radius
+    stress, vdw = scene.flow.shear_stress, scene.effects.van_der_waals
+    groups = [
+        ("φ", "volume fraction of the primaries", scene.suspension.volume_fraction),
+        (
+            "Pe",
+            f"6πμa³γ̇/k_BT at {ROOM_TEMPERATURE:g} K: flow against Brownian motion, which is not simulated",
+            6 * math.pi * stress * a**3 / (BOLTZMANN * ROOM_TEMPERATURE),
+        ),
+    ]
+    if scene.hydrodynamics.lubrication:
+        meaning = "gap over radius at which lubrication is cut off"
+        groups.insert(1, ("δ", meaning, scene.hydrodynamics.lubrication_cutoff))
+    if (adhesion := pull_off_force(run)) is not None:
+        groups.append(
+            ("6πμγ̇a²/F_adh", "viscous force against pull-off force", scene.reduced.force / adhesion)
+        )
+        jkr = scene.effects.jkr.kernel(scene)  # type: ignore[union-attr]
+        groups.append(("h_eq/a", "gap of a free contact", jkr.equilibrium_gap))
+    if vdw is not None:
+        attraction = vdw.hamaker_constant / (36 * math.pi * stress * a**3)
+        groups.append(("C_A = A_H/36πμγ̇a³", "van der Waals attraction against viscous force", attraction))
+        groups.append(
+            ("η₁₁", "0.95 C_A^0.18, efficiency of monomer collisions (Eq. 23)", van_de_ven_mason(run))
+        )
+        groups.append(("ℓ₀/a", "least approach", vdw.minimum_approach / a))
+    return groups
+
+
+def outcomes(run: Run) -> list[dict[str, Any]]:
+    """Count, share with 95 % limits and effort of each outcome."""
+    words, cpu = run.outcome, run.events["cpu_time"].values
+    rows = []
+    for name in str(run.events["outcome"].attrs["flag_meanings"]).split():
+        chosen = words == name
+        portion, low, high = share(int(chosen.sum()), len(words))
+        effort = float(cpu[chosen].mean()) if chosen.any() else math.nan
+        rows.append(
+            {
+                "name": name,
+                "count": int(chosen.sum()),
+                "share": portion,
+                "low": low,
+                "high": high,
+                "cpu": effort,
+            }
+        )
+    return rows
+
+
+def warnings(run: Run) -> Iterator[str]:
+    """What a reader should know before believing a number."""
+    if not run.steady.reached:
+        yield (
+            f"No steady state: {run.steady.reason}. Steady means: {STEADY_TEST}. Numbers called steady are those of "
+            "the last 40 % of the run."
+        )
+    late = int(in_reading(run.late_breakups, "paper").sum())
+    if late < FEW_BREAKUPS:
+        yield (
+            f"Few breakups: {late} in the stretch that counts, fewer than {FEW_BREAKUPS}; the shares of fragmentation "
+            "and erosion are uncertain by more than 6 % of all."
+        )
+    unresolved = int((run.outcome == "unresolved").sum())
+    if unresolved:
+        portion, low, high = share(unresolved, len(run.outcome))
+        yield (
+            f"{unresolved} encounters were left unresolved ({portion:.2%}, 95 % limits {low:.2%} to {high:.2%}); "
+            "their parents stayed as they were."
+        )
+    doublings = int(np.log2(run.series["volume"].values[-1] / run.series["volume"].values[0]) + 0.5)
+    if doublings:
+        yield (
+            f"The sample was doubled {doublings} time{'s' * (doublings > 1)} by exact copy: its aggregates are not "
+            "independent, and errors from this run alone are lower bounds. Independent seeds give honest ones."
+        )
+    if not any(paper.holds_for(run.scene, stress) for stress in paper.STRESSES):
+        yield "The scene is not one of the paper's three: nothing is compared with it."
+
+
+def report(file: Path | str) -> str:
+    """HTML of the report of one run, all in one file."""
+    run = Run(file)
+    run.scene.require_one_radius("the report is made of the paper's figures; `mcdem plot` draws its course")
+    if not run.events.sizes["event"]:
+        raise UserError(f"{run.path}: holds no encounter yet; let `mcdem run` go on with --resume")
+    pictures = []
+    for figure in figures_of([run]):
+        buffer = io.BytesIO()
+        with look():
+            figure.draw(figure.numbers).savefig(buffer, format="png", dpi=150)
+        pictures.append((figure.name, figure.caption, base64.b64encode(buffer.getvalue()).decode()))
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    environment.filters["percent"] = lambda x: "–" if x != x else f"{100 * x:.2f} %"
+    environment.filters["number"] = lambda x: "–" if x != x else f"{x:.4g}"
+    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+        run=run,
+        parameters=parameters(run),
+        groups=dimensionless_groups(run),
+        outcomes=outcomes(run),
+        warnings=list(warnings(run)),
+        rows=compare([run]),
+        rule=RULE,
+        figures=pictures,
+        events=run.events.sizes["event"],
+        end=float(run.time[-1]),
+        mean_size=run.average("mean_size"),
+        sauter=run.average("sauter_diameter"),
+        source=paper.SOURCE,
+    )

@@ -1,0 +1,121 @@
+"""Steps of one group of primaries, until something calls for a decision.
+
+This is the whole compiled loop of an encounter: everything that it runs through is laid into this one function, so
+that it is compiled once.  What to do when bodies have parted or have come to rest in themselves is decided in
+`integrate`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from mcdem.integrators.bodies import RECEDING, centre_and_reach, label_bodies, mean_velocity
+from mcdem.integrators.explicit_euler import advance_paper
+from mcdem.integrators.implicit_midpoint import advance
+from mcdem.integrators.state import DONE, PARTED, PAUSED, SETTLED, TOO_MANY_STEPS
+
+# Strain between two looks at which bodies there are and whether they part.
+LOOK_EVERY = 0.5
+
+
+class Watch(NamedTuple):
+    """What `march` keeps in mind from one call to the next; one-element arrays, times in 1/g."""
+
+    look: np.ndarray  # when to look at the bodies again
+    noted: np.ndarray  # last change of contacts that was noticed, nan if none
+    quiet_since: np.ndarray  # when the contacts of this group last changed
+
+
+def new_watch(log, quiet_since) -> Watch:
+    """Watch over a group whose contacts last changed at `quiet_since`."""
+    return Watch(log.time.copy(), log.last_bond_change.copy(), np.array([quiet_since]))
+
+
+@njit(cache=True)
+def all_parting(motion, labels, bodies, gradient, factor):
+    """Whether every two bodies are further apart than `factor` (R_i + R_j) and recede in the undisturbed flow too.
+
+    Pairs on nearly the same streamline may turn back (closed orbits): they are never let go.
+    """
+    first, second, v1, v2 = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for a in range(bodies):
+        reach_a = centre_and_reach(motion.positions, motion.radii, labels, a, first)
+        mean_velocity(motion.velocities, labels, a, v1)
+        for b in range(a):
+            reach_b = centre_and_reach(motion.positions, motion.radii, labels, b, second)
+            mean_velocity(motion.velocities, labels, b, v2)
+            distance = receding = undisturbed = 0.0
+            for k in range(3):
+                d = first[k] - second[k]
+                distance += d * d
+                receding += d * (v1[k] - v2[k])
+                for m in range(3):
+                    undisturbed += d * gradient[k, m] * (first[m] - second[m])
+            limit = factor * (reach_a + reach_b)
+            if distance < limit * limit or receding <= 0.0 or undisturbed < RECEDING * distance:
+                return False
+    return True
+
+
+@njit(cache=True, inline="always")
+def one_step(part, history, flow, physics, implicit, paper, log, gaps, work, end_time):
+    """Advance by one step of the scheme that is chosen; the other one is None."""
+    code = DONE
+    if implicit is not None:
+        code = advance(part, history, flow, physics, implicit, log, gaps, work, end_time)
+    if paper is not None:
+        code = advance_paper(part, flow, physics, paper, log, gaps, work, end_time)
+    return code
+
+
+@njit(cache=True)
+def march(
+    part,
+    history,
+    gaps,
+    work,
+    flow,
+    physics,
+    implicit,
+    paper,
+    log,
+    watch,
+    separation,
+    quiet_time,
+    pause,
+    end,
+    most,
+):
+    """Follow some primaries together; log.time is their clock.
+
+    separation : centre distance in R_i + R_j beyond which receding bodies have PARTED; 0: never
+    quiet_time : strain without a change of contacts after which a single body has SETTLED; inf: never
+    pause : time from which on the next step returns PAUSED;  end : time at which all is DONE
+    most : number of steps after which it is TOO_MANY_STEPS
+
+    Returns one of these codes, or that of a failed step (`state`).
+    """
+    while log.time[0] < end - 1e-12:
+        change = log.last_bond_change[0]
+        if not np.isnan(change) and change != watch.noted[0]:
+            watch.noted[0] = change
+            watch.quiet_since[0] = change
+        if log.time[0] >= watch.look[0]:
+            watch.look[0] = log.time[0] + LOOK_EVERY
+            bodies = label_bodies(part.bonded, work.labels)
+            if bodies > 1:
+                if separation > 0.0 and all_parting(part, work.labels, bodies, flow.gradient, separation):
+                    return PARTED
+            elif log.time[0] >= watch.quiet_since[0] + quiet_time - 1e-9:
+                return SETTLED
+        if log.steps[0] >= most:
+            return TOO_MANY_STEPS
+        code = one_step(part, history, flow, physics, implicit, paper, log, gaps, work, end)
+        if code != DONE:
+            return code
+        if log.time[0] >= pause:
+            return PAUSED
+    return DONE

@@ -1,0 +1,458 @@
+"""Tables of encounters for the population balance: the one crossing from mcdem to pbekit.
+
+Two sources, one table.  A run's event log is re-used as it is.  Designed encounters fill what the run met seldom: pairs of
+classes are chosen by what they contribute to the error of the steady mean size (`pbekit.study.uncertainty`), per unit of
+work; two aggregates that the run produced are drawn from the classes in proportion to their flux (R_i + R_j)^3, and meet
+under the uniform flux of `mcdem.encounter.simulate`.  So within a pair of classes all encounters follow one law.  A steady state
+says little about how growth begins, so encounters of two primaries can be asked for apart.
+
+The table is a function of scene, run, seed and number of encounters, whatever the workers and however often it was
+interrupted: designed encounter k has its own random stream, and rounds of ROUND encounters are planned from what was
+known at their start.
+"""
+
+from __future__ import annotations
+
+import shlex
+import signal
+import sys
+import threading
+import time as clock
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcdem.aggregates.aggregate import Aggregate
+from mcdem.aggregates.morphology import aspect_ratio, second_moments, semi_axes
+from mcdem.analysis.dataset import Run
+from mcdem.encounter.simulate import EncounterResult, simulate_encounter
+from mcdem.errors import DataFileError, UserError
+from mcdem.monte_carlo import executors
+from mcdem.monte_carlo.executors import Encounter
+from mcdem.monte_carlo.random_streams import checked, stream
+from mcdem.netcdf.whole_files import locked
+from mcdem.scene import Scene
+from pbekit.errors import PBEError
+from pbekit.estimated_rates.closures import Closure, grid_for
+from pbekit.solution.steady import steady_state
+from pbekit.study.uncertainty import VarianceShares, mean_size_gradient, variance_shares
+from pbekit.tables.kernel_table import OUTCOMES, SHAPES, SOURCES, KernelTable, Records
+
+ROUND = 200
+"""Designed encounters between two looks at what they taught."""
+DESIGNED_EPOCH = 1 << 40
+"""Epoch of the random streams of designed encounters, far from those of any run."""
+CHECKPOINT_EVERY = 60.0
+"""Longest time between two writings of the table [s]."""
+PHYSICS = ("suspension", "flow", "effects", "hydrodynamics", "numerics")
+"""Tables of a scene that decide what an encounter does."""
+
+
+# -- a run's events -------------------------------------------------------------------------------------------------
+
+
+def outcome_of(word: str, contact: bool) -> int:
+    """pbekit's outcome of mcdem's."""
+    if word == "fragmentation":
+        word += " with contact" if contact else " without contact"
+    return OUTCOMES.index(word)
+
+
+def records_of_run(run: Run) -> Records:
+    """Every encounter of a run's event log."""
+    e = run.events
+    names = [
+        f"{of}_{name}" for of in ("parent", "product") for name in ("aspect_ratio", "radius_of_gyration")
+    ]
+    # Runs of before these were recorded are told apart by outer radius alone.
+    shapes = [
+        e[n].values if n in e else np.full_like(e[n.partition("_")[0] + "_outer_radius"].values, np.nan)
+        for n in names
+    ]
+    touched = e["contact"].values.astype(bool)
+    return Records(
+        size=e["parent_size"].values,
+        aspect_ratio=shapes[0],
+        outer_radius=e["parent_outer_radius"].values,
+        radius_of_gyration=shapes[1],
+        offset=e["offset"].values,
+        outcome=np.array(
+            [outcome_of(str(w), c) for w, c in zip(run.outcome, touched, strict=True)], np.int64
+        ),
+        source=np.full(len(touched), SOURCES.index("run")),
+        time=e["time"].values,
+        solves=e["solves"].values,
+        cpu_time=e["cpu_time"].values,
+        products=e["number_of_products"].values,
+        product_size=e["product_size"].values,
+        product_from_first=e["product_from_first"].values,
+        product_aspect_ratio=shapes[2],
+        product_outer_radius=e["product_outer_radius"].values,
+        product_radius_of_gyration=shapes[3],
+    )
+
+
+def same_physics(one: Scene, other: Scene) -> str | None:
+    """The first table in which two scenes differ in what an encounter does, or None."""
+    for table in PHYSICS:
+        if getattr(one, table) != getattr(other, table) and table != "suspension":
+            return table
+    return None if one.suspension.radius == other.suspension.radius else "suspension"
+
+
+# -- aggregates to draw from ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Library:
+    """Aggregates that runs produced, by class of the table.
+
+    members : (classes) row numbers of the aggregates in each class
+    """
+
+    aggregates: tuple[Aggregate, ...]
+    outer_radius: NDArray[np.float64]
+    members: tuple[NDArray[np.intp], ...]
+
+    @classmethod
+    def of(cls, runs: Sequence[Run], table: KernelTable) -> Library:
+        """All aggregates of all snapshots, and a monomer."""
+        found = [Aggregate.monomer()]
+        for run in runs:
+            for snapshot in range(len(run.snapshot_times)):
+                found += [a for a in run.aggregates(snapshot) if a.size > 1]
+        ratios, gyration, outer = _shapes(found, table.radius)
+        size = np.array([a.size for a in found])
+        shape = {
+            "aspect ratio": ratios,
+            "outer radius": outer / (table.radius * np.cbrt(size)),
+            "radius of gyration": gyration / (table.radius * np.cbrt(size)),
+        }[table.shape_name]
+        beyond = size >= table.size_edges[-1]
+        of_class = np.where(beyond, -1, table.class_of(size, shape))
+        return cls(tuple(found), outer, tuple(np.flatnonzero(of_class == k) for k in range(table.classes)))
+
+    def has(self, a: NDArray[np.intp], b: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Whether there are aggregates of both classes."""
+        some = np.array([len(m) > 0 for m in self.members])
+        return some[a] & some[b]
+
+    def draw(self, a: int, b: int, rng: np.random.Generator) -> tuple[int, int]:
+        """An aggregate of each class, the pair in proportion to its flux."""
+        one, other = self.members[a], self.members[b]
+        most = (self.outer_radius[one].max() + self.outer_radius[other].max()) ** 3
+        while True:
+            i, j = rng.choice(one), rng.choice(other)
+            if rng.random() * most < (self.outer_radius[i] + self.outer_radius[j]) ** 3:
+                return int(i), int(j)
+
+
+def _shapes(aggregates: Sequence[Aggregate], radius: float) -> tuple[NDArray, NDArray, NDArray]:
+    """Aspect ratio, radius of gyration [m] and outer radius [m] of each."""
+    sizes = np.array([a.size for a in aggregates])
+    moments = second_moments(np.concatenate([a.positions for a in aggregates]), sizes)
+    outer = np.array([a.outer_radius(radius) for a in aggregates])
+    return aspect_ratio(semi_axes(moments, radius)), np.sqrt(moments.sum(axis=1)), outer
+
+
+def record_of(first: Aggregate, second: Aggregate, result: EncounterResult, radius: float) -> Records:
+    """One designed encounter."""
+    everyone = [first, second, *result.products]
+    ratios, gyration, outer = _shapes(everyone, radius)
+    sizes = np.array([a.size for a in everyone])
+    return Records(
+        size=sizes[None, :2],
+        aspect_ratio=ratios[None, :2],
+        outer_radius=outer[None, :2],
+        radius_of_gyration=gyration[None, :2],
+        offset=np.array([result.offset]),
+        outcome=np.array([outcome_of(result.outcome, result.contact)]),
+        source=np.array([SOURCES.index("designed")]),
+        time=np.array([np.nan]),
+        solves=np.array([result.solves]),
+        cpu_time=np.array([result.cpu_time]),
+        products=np.array([len(result.products)]),
+        product_size=sizes[2:],
+        product_from_first=np.array([int((m < first.size).sum()) for m in result.members]),
+        product_aspect_ratio=ratios[2:],
+        product_outer_radius=outer[2:],
+        product_radius_of_gyration=gyration[2:],
+    )
+
+
+# -- the design --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The encounters of a round: pairs of classes, and what the records so far say of the steady mean size."""
+
+    pairs: NDArray[np.intp]
+    mean_size: float | None = None
+    error: float | None = None
+    """Relative standard error of the steady <P>; None where no steady state could be found yet."""
+
+
+def steady_shares(table: KernelTable, volume_fraction: float) -> tuple[float, VarianceShares]:
+    """Steady <P> of the balance on the table, and where its variance comes from."""
+    closure = Closure(table, grid_for(table))
+    number = volume_fraction / (4 / 3 * np.pi * table.radius**3)
+    start = closure.grid.monodisperse(number)
+    steady = steady_state(closure.mean, start)
+    gradient = mean_size_gradient(closure.mean, steady.population)
+    return number / float(steady.population.sum()), variance_shares(closure, steady, gradient)
+
+
+def plan(
+    table: KernelTable, library: Library, volume_fraction: float, seed: int, done: int, primaries: int = 0
+) -> Plan:
+    """What the next round should sample: by variance shares, or evenly where no steady state is in sight.
+
+    primaries : encounters of two primaries that come before any others
+    """
+    b, a = np.tril_indices(table.classes)
+    possible = library.has(a, b)
+    rng = stream(seed, "kernel design", done)
+    mean_size = error = None
+    try:
+        mean_size, shares = steady_shares(table, volume_fraction)
+        error = shares.deviation / mean_size
+        trials = np.bincount(table.pair, minlength=table.pairs)
+        spent = np.bincount(table.pair, table.records.work, table.pairs)
+        cost = np.divide(spent, trials, out=np.zeros(table.pairs), where=trials > 0)
+        wanted = np.where(possible, shares.next_trials(8 * ROUND, cost), 0)
+        weight = wanted / wanted.sum() if wanted.sum() > 0 else possible / possible.sum()
+    except PBEError:
+        # Too little is known: the fewer the trials of a pair, the more likely it is.
+        trials = table.counts.sum(axis=1)
+        weight = possible / (1.0 + trials)
+        weight = weight / weight.sum()
+    pairs = rng.choice(table.pairs, ROUND, p=weight)
+    pairs[: max(0, primaries - int(table.counts[0].sum()))] = 0
+    return Plan(pairs, mean_size, error)
+
+
+# -- the process -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a tabulation stands."""
+
+    reused: int
+    designed: int
+    wanted: int
+    mean_size: float | None
+    error: float | None
+    elapsed: float
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a call of `tabulate` left."""
+
+    path: Path
+    reused: int
+    designed: int
+    mean_size: float | None
+    error: float | None
+    ended_by: str
+    """"encounters", "error" or "interruption"."""
+
+
+def tabulate(
+    scene: Scene,
+    output: Path | str,
+    runs: Sequence[Path | str],
+    *,
+    encounters: int = 0,
+    error: float | None = None,
+    primaries: int = 0,
+    aggregates_only: bool = False,
+    shape: str = "aspect ratio",
+    shapes: int = 3,
+    seed: int | None = None,
+    executor: Executor | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+    encounter: Encounter = simulate_encounter,
+    checkpoint_every: float = CHECKPOINT_EVERY,
+) -> Summary:
+    """Make or extend the kernel table of `scene` at `output`.
+
+    Parameters
+    ----------
+    runs : datasets of `mcdem run`; their events are re-used and their aggregates are drawn from
+    encounters : designed encounters, at most
+    error : stop as soon as the relative standard error of the steady <P> is below
+    primaries : designed encounters are of two primaries until the table holds so many of these, for eta_11 and growth
+    aggregates_only : draw aggregates from the runs but do not re-use their events (they are of other physics)
+    shape, shapes : second coordinate of the classes (see `pbekit.tables.kernel_table.SHAPES`) and how many classes it has
+    """
+    path, seed = Path(output), checked(scene.run.seed if seed is None else seed)
+    scene.require_one_radius("a table for the balance counts equal primaries")
+    if shape not in SHAPES:
+        raise UserError(f'shape = "{shape}": expected one of {", ".join(SHAPES)}')
+    if path.exists() and not (resume or overwrite):
+        raise DataFileError(
+            f"{path}: exists already; extend it with --resume, or replace it with --overwrite"
+        )
+    opened = [Run(p) for p in runs]
+    for run in opened:
+        differs = same_physics(scene, run.scene)
+        if differs and not aggregates_only:
+            raise UserError(
+                f"{run.path}: was run with another [{differs}] than {scene.name}; its events do not apply here: "
+                "add --aggregates-only to use its aggregates alone"
+            )
+    started = clock.monotonic()
+    with locked(path), _stoppable() as stopped:
+        reused = Records.join([] if aggregates_only else [records_of_run(run) for run in opened])
+        base = _classes(scene, opened, reused, shape, shapes, seed)
+        designed = _designed(path, base) if resume and path.exists() else Records.empty()
+        parts = [designed] if len(designed) else []
+        done, known, saved = len(designed), Plan(np.zeros(0, np.intp)), -np.inf
+        library = Library.of(opened, base)
+
+        def table(count: int) -> KernelTable:
+            every = Records.join(parts)
+            return base.with_records(Records.join([reused, every.select(np.arange(count))]))
+
+        def save() -> None:
+            about = {**base.about, "designed": done, "command": shlex.join(["mcdem", *sys.argv[1:]])}
+            full = table(done)
+            KernelTable(
+                full.records, base.size_edges, base.shape_edges, base.radius, base.shear_rate, shape, about
+            ).save(path)
+
+        pool: Executor = executor or executors.Here()
+        compute = executors.computation(scene, encounter, seed, pool)
+        ended_by = "encounters"
+        while True:
+            begun = done - done % ROUND
+            known = plan(table(begun), library, scene.suspension.volume_fraction, seed, begun, primaries)
+            if progress is not None:
+                progress(_now(reused, done, encounters, known, started))
+            if error is not None and known.error is not None and known.error <= error and begun == done:
+                ended_by = "error"
+                break
+            if done >= encounters:
+                break
+            last = min(begun + ROUND, encounters)
+            rng = stream(seed, "kernel pairs", begun)
+            drawn = [library.draw(*_classes_of(pair), rng) for pair in known.pairs][
+                done - begun : last - begun
+            ]
+            futures: Iterable[Future[EncounterResult]] = map(
+                lambda k, pair: pool.submit(
+                    compute, library.aggregates[pair[0]], library.aggregates[pair[1]], DESIGNED_EPOCH, k
+                ),
+                range(done, last),
+                drawn,
+            )
+            if not isinstance(pool, executors.Here):
+                futures = list(futures)
+            try:
+                for (i, j), future in zip(drawn, futures, strict=True):
+                    parts.append(
+                        record_of(library.aggregates[i], library.aggregates[j], future.result(), base.radius)
+                    )
+                    done += 1
+                    if clock.monotonic() - saved > checkpoint_every:
+                        save()
+                        saved = clock.monotonic()
+                    if progress is not None:
+                        progress(_now(reused, done, encounters, known, started))
+                    if stopped.is_set():
+                        raise KeyboardInterrupt
+            except KeyboardInterrupt:
+                ended_by = "interruption"
+                for future in futures if isinstance(futures, list) else ():
+                    future.cancel()
+                break
+            parts[:] = [Records.join(parts)]
+        save()
+    return Summary(path, len(reused), done, known.mean_size, known.error, ended_by)
+
+
+def _classes(scene, runs, reused, shape, shapes, seed) -> KernelTable:
+    """An empty table whose classes fit what the runs saw."""
+    seen = reused if len(reused) else Records.join([records_of_run(run) for run in runs])
+    if len(seen) and shape == "aspect ratio" and np.isnan(seen.aspect_ratio[seen.size > 2]).any():
+        raise UserError(
+            'the runs recorded no aspect ratios (they are of an older version): use --shape "outer radius", or run again'
+        )
+    flow = scene.flow
+    if flow.kind != "simple_shear":
+        raise UserError(
+            f'{scene.name}: a table for the balance counts meetings in simple shear, the scene has flow.kind = "{flow.kind}"'
+        )
+    about = {
+        "scene": scene.text,
+        "scene_name": scene.name,
+        "seed": seed,
+        "runs": " ".join(run.path.name for run in runs),
+        "viscosity": flow.viscosity,
+        "shear_stress": flow.shear_stress,
+        "volume_fraction": scene.suspension.volume_fraction,
+    }
+    if scene.effects.van_der_waals is not None:
+        about["hamaker_constant"] = scene.effects.van_der_waals.hamaker_constant
+    return KernelTable.of(
+        seen, scene.suspension.radius, flow.shear_rate, shapes=shapes, shape_name=shape, about=about
+    ).with_records(Records.empty())
+
+
+def _designed(path: Path, base: KernelTable) -> Records:
+    """The designed encounters of a table begun before, if it is of the same scene, seed and classes."""
+    try:
+        old = KernelTable.load(path)
+    except PBEError as problem:
+        raise DataFileError(str(problem)) from None
+    for key in ("scene", "seed", "runs"):
+        if old.about.get(key) != base.about[key]:
+            raise DataFileError(
+                f"{path}: was begun with another {key}; give the same, or replace it with --overwrite"
+            )
+    if not np.array_equal(old.size_edges, base.size_edges) or old.shape_name != base.shape_name:
+        raise DataFileError(
+            f"{path}: the runs have gone on since it was begun and its classes changed; use --overwrite"
+        )
+    return old.records.select(old.records.source == SOURCES.index("designed"))
+
+
+def _classes_of(pair: int) -> tuple[int, int]:
+    """(a, b) of an unordered pair b (b + 1) / 2 + a."""
+    b = int((np.sqrt(8 * pair + 1) - 1) // 2)
+    return int(pair - b * (b + 1) // 2), b
+
+
+def _now(reused, done, wanted, known, started) -> Progress:
+    return Progress(len(reused), done, wanted, known.mean_size, known.error, clock.monotonic() - started)
+
+
+@contextmanager
+def _stoppable() -> Iterator[threading.Event]:
+    """Ctrl-C and SIGTERM set the event; a second Ctrl-C stops at once."""
+    asked = threading.Event()
+
+    def handle(number, frame):
+        if asked.is_set():
+            raise KeyboardInterrupt
+        asked.set()
+
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,143 @@
+"""A run's dataset made small enough to keep or to send, and still one to draw figures from and to continue.
+
+What it takes to go on bit for bit (the last snapshot and the checkpoint), every whole number, flag and identity, and the
+parents that were kept stay as they are.  Measured reals of the history are rounded to `DIGITS` significant bits, far below
+their statistical errors; snapshots on the way are thinned; everything is compressed.
+"""
+
+from __future__ import annotations
+
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import netCDF4
+import numpy as np
+
+from mcdem.errors import DataFileError, UserError
+from mcdem.monte_carlo.record import opened, refusing_damage, stretches
+from mcdem.netcdf.whole_files import locked, replacing
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+DIGITS = 12
+"""Significant bits of a rounded real: a relative error of at most 1.2e-4."""
+FINER = {"time": 26, "position": 20, "spring": 20}
+"""Of moments 1e-8 of the run, so that no two encounters change places; of geometry 1e-6, far below the elastic range of a
+contact, so that aggregates of the way can meet again (`mcdem kernels`, `mcdem cost`)."""
+EXACT = frozenset({"checkpoint", "kept"})
+"""Groups kept as they are."""
+
+
+def thin(source: Path | str, target: Path | str, every: float | None = None) -> None:
+    """Write the dataset `source` of `mcdem run` to `target`, smaller.
+
+    every : time between the snapshots that are kept [s], None for all; the first, the last two, and those that come next
+    after each multiple of it
+
+    Raises `DataFileError` where `source` is no whole dataset of `mcdem run`, or `target` is the same file or one that a run is
+    writing; `UserError` where `every` is not above 0.
+    """
+    source, target = Path(source), Path(target)
+    if every is not None and not 0.0 < every < math.inf:
+        raise UserError(f"every = {every}: expected a time above 0, in seconds")
+    if target.exists() and target.samefile(source):
+        raise DataFileError(f"{target}: is the dataset to be thinned; give another name")
+    kept = "all" if every is None else f"about {every:g} s apart"
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    said = f"{now} thinned: reals to {DIGITS} significant bits, snapshots {kept}"
+    with opened(source) as (full,), refusing_damage(source):
+        history = "\n".join([*stretches(full), said])
+        full.set_auto_maskandscale(False)
+        root = _read(full, {}, exact=False)
+        groups = {
+            name: _read(
+                group, _rows_of_snapshots(group, every) if name == "snapshots" else {}, exact=name in EXACT
+            )
+            for name, group in full.groups.items()
+        }
+    with locked(target), replacing(target) as small:
+        _write(small, root)
+        small.setncattr("history", history.encode())
+        for name, group in groups.items():
+            _write(small.createGroup(name), group)
+
+
+class _Group(NamedTuple):
+    attributes: dict[str, Any]
+    dimensions: dict[str, int]
+    variables: dict[str, tuple[tuple[str, ...], dict[str, Any], NDArray[Any]]]
+    """Dimensions, attributes and values of each."""
+
+
+def _rows_of_snapshots(group: netCDF4.Dataset, every: float | None) -> dict[str, NDArray[np.bool_]]:
+    """Which rows of each dimension stay."""
+    times = group["time"][:]
+    stays = np.ones(len(times), bool)
+    if every is not None:
+        interval = np.floor(times / every)
+        stays[1:] = interval[1:] != interval[:-1]
+        # The last is the state of the run; the one before tells when the next is due.
+        stays[-2:] = True
+    aggregate = np.repeat(stays, group["number_of_aggregates"][:])
+    return {
+        "snapshot": stays,
+        "aggregate": aggregate,
+        "primary": np.repeat(aggregate, group["size"][:]),
+        "contact": np.repeat(aggregate, group["number_of_bonds"][:]),
+    }
+
+
+def _rows_of_last(snapshots: netCDF4.Dataset, dimension: str) -> int:
+    """Rows of the last snapshot, the state of the run."""
+    count = int(snapshots["number_of_aggregates"][-1])
+    if dimension in ("snapshot", "aggregate"):
+        return {"snapshot": 1, "aggregate": count}[dimension]
+    return int(snapshots[{"primary": "size", "contact": "number_of_bonds"}[dimension]][-count:].sum())
+
+
+def _read(source: netCDF4.Dataset, rows: dict[str, NDArray[np.bool_]], *, exact: bool) -> _Group:
+    """One group: chosen rows, rounded."""
+    variables = {}
+    for name, variable in source.variables.items():
+        values = variable[...]
+        first = variable.dimensions[0] if variable.dimensions else ""
+        if first in rows:
+            values = values[rows[first]]
+        if not exact and values.dtype.kind == "f":
+            digits = FINER.get(name, DIGITS)
+            end = len(values) - (_rows_of_last(source, first) if rows else 0)
+            values = np.concatenate([rounded(values[:end], digits), values[end:]])
+        variables[name] = (variable.dimensions, _attributes(variable), values)
+    lengths = {name: int(rows[name].sum()) if name in rows else len(dimension)
+               for name, dimension in source.dimensions.items()}  # fmt: skip
+    return _Group(_attributes(source), lengths, variables)
+
+
+def _write(target: netCDF4.Dataset, group: _Group) -> None:
+    """The same to the file, compressed."""
+    target.setncatts(group.attributes)
+    for name, length in group.dimensions.items():
+        target.createDimension(name, length)
+    for name, (dimensions, attributes, values) in group.variables.items():
+        many = bool(dimensions)
+        stored = target.createVariable(
+            name, values.dtype, dimensions, zlib=many, complevel=9, shuffle=True, fletcher32=many
+        )
+        stored.set_auto_maskandscale(False)
+        stored.setncatts(attributes)
+        stored[...] = values
+
+
+def _attributes(source: Any) -> dict[str, Any]:
+    """Text as characters, never as strings of variable length (`record`)."""
+    found = {name: source.getncattr(name) for name in source.ncattrs()}
+    return {name: value.encode() if isinstance(value, str) else value for name, value in found.items()}
+
+
+def rounded(values: NDArray[Any], digits: int) -> NDArray[Any]:
+    """Reals (...) to `digits` significant bits, half to even; nan and infinity as they are."""
+    mantissa, exponent = np.frexp(values)
+    return np.ldexp(np.rint(np.ldexp(mantissa, digits)), exponent - digits).astype(values.dtype)

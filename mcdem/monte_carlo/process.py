@@ -1,0 +1,390 @@
+"""The paper's process from a scene to a dataset (Frungieri & Vanni, section 2.1 and Fig. 4).
+
+The story, told by `run` and `Process`:
+
+1. the sample volume holds `population.initial` free primary particles;
+2. the clocks of all pairs tell which two aggregates meet next, and when (`pair_selection`, Eqs. 1-6);
+3. the encounter is resolved by the motion of every primary particle (`encounter`): what comes out takes its parents'
+   places, with its own geometry;
+4. when the aggregates have become few, an exact copy of all is added and the volume doubled;
+5. back to 2, until the wanted time or number of encounters.
+
+Everything drawn at random is a function of the seed and of its place in the process (`random_streams`), so a run
+repeats bit for bit, however its encounters are computed: here, ahead of time on other processors (`foresight`,
+`executors`), or after a restart (`record`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import signal
+import threading
+import time as clock
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+import threadpoolctl
+
+from mcdem.encounter.simulate import EncounterResult, simulate_encounter
+from mcdem.errors import DataFileError, UserError
+from mcdem.monte_carlo import executors
+from mcdem.monte_carlo.event_selection import Meeting, PairSelection, pair_selection
+from mcdem.monte_carlo.executors import Encounter
+from mcdem.monte_carlo.population import Population, Product
+from mcdem.monte_carlo.random_streams import checked
+from mcdem.monte_carlo.record import Record
+from mcdem.monte_carlo.speculative_execution import Foresight
+from mcdem.netcdf.whole_files import locked
+from mcdem.scene import Scene
+
+CHECKPOINT_EVERY = 60.0
+"""Longest time between two writings of the dataset [s]; as much work is lost if the machine goes down."""
+SHARE_OF_WRITING = 0.02
+"""Writing takes no larger share of the run's time: a file slow to write is written less often."""
+
+
+@dataclass
+class Process:
+    """The suspension in time: a population, the clocks of its pairs, and the record of what happened."""
+
+    scene: Scene
+    population: Population
+    selection: PairSelection
+    record: Record
+    time: float = 0.0
+    """Process time [s]."""
+
+    @classmethod
+    def begin(cls, scene: Scene, seed: int, keep_parents: tuple[str, ...]) -> Process:
+        population = Population.of_primaries(scene)
+        record = Record(scene, checked(seed), keep_parents)
+        record.sample(0.0, population)
+        return cls(scene, population, pair_selection(scene, population, seed), record)
+
+    @classmethod
+    def resume(cls, scene: Scene, path: Path) -> Process:
+        """The process as a dataset left it."""
+        record, time, population, clocks = Record.read(path, scene)
+        return cls(scene, population, pair_selection(scene, population, record.seed, clocks), record, time)
+
+    @property
+    def events(self) -> int:
+        return self.record.events.rows
+
+    @property
+    def unchanged(self) -> tuple[str, ...]:
+        """Outcomes after which both aggregates go on as they came."""
+        return ("unresolved",) if self.scene.population.restructuring else ("unresolved", "missed", "parted")
+
+    def wait(self, time: float) -> None:
+        """Nothing happens until `time` [s]."""
+        every = self.scene.run.snapshot_every
+        while (due := self.record.snapshots.next_multiple(every) * every) < time:
+            self.record.snapshots.append(due, self.population)
+        self.time = time
+
+    def encounter(self, meeting: Meeting, result: EncounterResult) -> list[int]:
+        """Two aggregates meet, and what comes out takes their places; returns the places that hold another content."""
+        self.wait(meeting.time)
+        places = (meeting.first, meeting.second)
+        parents = [(self.population.serials[place], self.population.at(place)) for place in places]
+        if result.outcome in self.unchanged:
+            products = [
+                Product(aggregate, serial, place, aggregate.size if place == meeting.first else 0)
+                for place, (serial, aggregate) in zip(places, parents, strict=True)
+            ]
+            changed: list[int] = []
+        else:
+            products, changed = self.population.replace(*places, result.products, result.members)
+        self.record.encounter(meeting, parents, result, products, self.population.primary_radius)
+        self.selection.happened(meeting, changed)
+
+        enough = self.scene.population.doubling_below * self.scene.population.initial
+        while self.population.number < enough:
+            self.population.double()
+            self.selection.doubled(self.time)
+        self.record.sample(self.time, self.population)
+        return changed
+
+    def write(self, path: Path, computed_in_vain: int) -> None:
+        self.record.write(path, self.time, self.population, self.selection.state(), computed_in_vain)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a run stands."""
+
+    time: float
+    """Process time [s]."""
+    events: int
+    aggregates: int
+    mean_size: float
+    """<P>"""
+    outcomes: dict[str, int]
+    """Encounters by outcome."""
+    done: float
+    """Share of the wanted time or number of encounters, whichever is nearer."""
+    remaining: float | None
+    """Wall-clock time left at the present pace [s]; None until a pace is known."""
+    elapsed: float
+    """Wall-clock time since `run` was called [s]."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a call of `run` did."""
+
+    path: Path
+    time: float
+    """Process time reached [s]."""
+    events: int
+    """Encounters in the dataset."""
+    outcomes: dict[str, int]
+    ended_by: str
+    """"time", "events", "interruption", or "one aggregate left"."""
+    computed: int
+    """Encounters computed by this call, ..."""
+    computed_in_vain: int
+    """... those among them that did not take place, ..."""
+    elapsed: float
+    """... and its wall-clock time [s]."""
+
+
+def run(
+    scene: Scene,
+    output: Path | str,
+    *,
+    seed: int | None = None,
+    until: float | None = None,
+    events: int | None = None,
+    workers: int = 1,
+    executor: Executor | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+    encounter: Encounter = simulate_encounter,
+    keep_parents: tuple[str, ...] = ("unresolved",),
+    checkpoint_every: float = CHECKPOINT_EVERY,
+) -> Summary:
+    """Follow the suspension of `scene` and write its dataset (layout: `mcdem.monte_carlo.record`).
+
+    Parameters
+    ----------
+    output : file to write; whole at every moment
+    seed, until [s], events : instead of the scene's; the run ends at `until` or after `events` encounters
+    workers : processes that compute encounters; the dataset is the same for any number
+    executor : computes the encounters instead: anything with the contract of `concurrent.futures.Executor`
+    resume : go on from what `output` holds, if it exists
+    overwrite : replace `output` if it exists
+    progress : called with a `Progress` a few times a second
+    encounter : resolves an encounter, `simulate_encounter` or anything of its form
+    keep_parents : outcomes for which the geometry of the parents is kept
+    checkpoint_every : longest time between two writings [s]; but writing takes at most 2 % of the time
+
+    Ctrl-C and SIGTERM end the run in order; the dataset then holds everything until the last encounter.
+    Raises `UserError` for what the user can mend.
+    """
+    path = Path(output)
+    if until is None and events is None:
+        until, events = scene.run.until, scene.run.events
+    if until is None and events is None:
+        raise UserError(
+            f'{scene.name}: nothing says when to stop; give "until" or "events", here or in [run]'
+        )
+    if until is not None and not 0.0 < until < math.inf:
+        raise UserError(f"until = {until}: expected a time above 0, in seconds")
+    if events is not None and events < 0:
+        raise UserError(f"events = {events}: expected a number of encounters, 0 or more")
+    started = clock.monotonic()
+    with locked(path), threadpoolctl.threadpool_limits(limits=1), _Interruption() as interruption:
+        process = _open(scene, path, seed, resume=resume, overwrite=overwrite, keep_parents=keep_parents)
+        crew = _crew(executor, workers)
+        with crew as (pool, width):
+            compute = executors.computation(scene, encounter, process.record.seed, pool)
+            foresight = Foresight(
+                compute,
+                pool,
+                width,
+                process.population,
+                process.selection,
+                alone=isinstance(pool, executors.Here),
+            )
+            writing = _Writing(process, path, foresight, checkpoint_every)
+            pace = _Pace(process, until, events, started)
+            writing.now()
+            ended_by = ""
+            while not ended_by:
+                left = None if events is None else events - process.events
+                if left is not None and left <= 0:
+                    ended_by = "events"
+                    continue
+                ahead = process.selection.ahead(foresight.depth).cut(left, until)
+                if not len(ahead):
+                    if until is not None:
+                        process.wait(max(until, process.time))
+                    ended_by = "one aggregate left" if until is None else "time"
+                    continue
+                try:
+                    with interruption.allowed():
+                        result = foresight.result(ahead)
+                except KeyboardInterrupt:
+                    ended_by = "interruption"
+                    continue
+                except BaseException as problem:
+                    writing.now()
+                    if isinstance(problem, BrokenExecutor):
+                        raise UserError(
+                            f"a worker died, of lack of memory or by another's hand; {path} holds everything until "
+                            f"t = {process.time:.6g} s: continue with --resume, maybe on fewer workers"
+                        ) from problem
+                    raise
+                foresight.happened(process.encounter(ahead.meeting(0), result))
+                writing.if_due()
+                if progress is not None and pace.report_due():
+                    progress(pace.report())
+            foresight.close()
+            writing.now()
+            if progress is not None:
+                progress(pace.report())
+    return Summary(
+        path,
+        process.time,
+        process.events,
+        process.record.outcomes,
+        ended_by,
+        foresight.computed,
+        foresight.in_vain,
+        clock.monotonic() - started,
+    )
+
+
+def _open(
+    scene: Scene,
+    path: Path,
+    seed: int | None,
+    *,
+    resume: bool,
+    overwrite: bool,
+    keep_parents: tuple[str, ...],
+) -> Process:
+    """The process at its start, or as the file at `path` left it."""
+    if path.is_dir():
+        raise DataFileError(f"{path}: a folder, expected the name of a file")
+    if not path.exists() or (overwrite and not resume):
+        return Process.begin(scene, scene.run.seed if seed is None else seed, keep_parents)
+    if not resume:
+        raise DataFileError(
+            f"{path}: exists already; continue it with --resume, or replace it with --overwrite"
+        )
+    process = Process.resume(scene, path)
+    if seed is not None and seed != process.record.seed:
+        raise DataFileError(
+            f"{path}: was begun with seed {process.record.seed}, not {seed}; leave the seed out"
+        )
+    return process
+
+
+@contextlib.contextmanager
+def _crew(executor: Executor | None, workers: int) -> Iterator[executors.Crew]:
+    if executor is not None:
+        yield executors.Crew(executor, max(workers, executors.width(executor)))
+    else:
+        with executors.opened("process", workers) as crew:
+            yield crew
+
+
+class _Interruption:
+    """Lets Ctrl-C and SIGTERM through only where the process is whole: while an encounter is being computed."""
+
+    def __init__(self) -> None:
+        self._asked = False
+        self._allowed = False
+
+    def __enter__(self) -> _Interruption:
+        self._previous = {}
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._previous[number] = signal.signal(number, self._handle)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        self._asked = True
+        if self._allowed:
+            self._allowed = False
+            raise KeyboardInterrupt
+
+    @contextlib.contextmanager
+    def allowed(self) -> Iterator[None]:
+        self._allowed = True
+        try:
+            if self._asked:
+                raise KeyboardInterrupt
+            yield
+        finally:
+            self._allowed = False
+
+
+class _Writing:
+    """Writes the dataset now and then."""
+
+    def __init__(self, process: Process, path: Path, foresight: Foresight, every: float) -> None:
+        self._process, self._path, self._foresight, self._every = process, path, foresight, every
+        self._next = 0.0
+
+    def now(self) -> None:
+        began = clock.monotonic()
+        self._process.write(self._path, self._foresight.in_vain)
+        ended = clock.monotonic()
+        self._next = ended + max(self._every, (ended - began) / SHARE_OF_WRITING)
+
+    def if_due(self) -> None:
+        if clock.monotonic() >= self._next:
+            self.now()
+
+
+class _Pace:
+    """How fast the run goes, from the last half minute or so."""
+
+    def __init__(self, process: Process, until: float | None, events: int | None, started: float) -> None:
+        self._process, self._until, self._events, self._started = process, until, events, started
+        self._shares = deque([(clock.monotonic(), self._done())], maxlen=30)
+        self._reported = 0.0
+
+    def _done(self) -> float:
+        shares = [0.0]
+        if self._until is not None:
+            shares.append(self._process.time / self._until)
+        if self._events is not None:
+            shares.append(self._process.events / self._events if self._events else 1.0)
+        return min(max(shares), 1.0)
+
+    def report_due(self) -> bool:
+        return clock.monotonic() - self._reported > 0.2
+
+    def report(self) -> Progress:
+        now, done = clock.monotonic(), self._done()
+        self._reported = now
+        then, done_then = self._shares[0]
+        remaining = (1.0 - done) * (now - then) / (done - done_then) if done > done_then else None
+        if now - self._shares[-1][0] > 1.0:
+            self._shares.append((now, done))
+        process = self._process
+        return Progress(
+            process.time,
+            process.events,
+            process.population.number,
+            process.population.mean_size,
+            process.record.outcomes,
+            done,
+            remaining,
+            now - self._started,
+        )

@@ -1,0 +1,1 @@
+"""Datasets on disk: whole at every moment, and compared bit by bit."""

@@ -1,0 +1,1 @@
+"""Quantities with units, tables of a scene file, linear flows."""

@@ -1,0 +1,203 @@
+"""A table of a scene file, and how it explains itself.
+
+Each table is a frozen pydantic model: its fields are the keys, the docstring below a field says what the key means
+(`mcdem describe` prints it), quantities are declared with the types of `mcdem.quantities.units`.  An absent table is `None`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import types
+import typing
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails, PydanticUndefined
+
+from mcdem.quantities.units import Quantity
+
+
+class Table(BaseModel):
+    """Base of every table: unknown keys are refused, nothing is coerced, nothing changes after loading."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+class Key(NamedTuple):
+    """One documented key of a scene file."""
+
+    table: str
+    key: str
+    expected: str
+    default: str
+    meaning: str
+
+
+def keys(model: type[BaseModel], table: str = "") -> list[Key]:
+    """Every key of a table and of the tables in it, in the order of declaration."""
+    found: list[Key] = []
+    for name, field in model.model_fields.items():
+        inner, optional = _table_type(field.annotation)
+        if inner is not None:
+            path = f"{table}.{name}".lstrip(".")
+            meaning = (inner.__doc__ or "").strip().splitlines()[0]
+            found.append(Key(path, "", "table", "absent" if optional else "", meaning))
+            found += keys(inner, path)
+            continue
+        meaning = " ".join((field.description or "").split())
+        found.append(Key(table, name, _expected(field.annotation, field.metadata), _default(field), meaning))
+    return found
+
+
+def _default(field: FieldInfo) -> str:
+    if field.default is PydanticUndefined:
+        return "required"
+    if field.default is None:
+        return "none"
+    if field.default != field.default:
+        return "from the others"
+    unit = next((mark.si for mark in _quantities(field.annotation, field.metadata)), "")
+    return _toml(f"{field.default:g} {unit}" if unit else field.default)
+
+
+def written(model: BaseModel) -> dict[str, Any]:
+    """The tables that would be read as `model`: SI values with their units, without what is absent, default or follows."""
+    tables: dict[str, Any] = {}
+    for name, field in type(model).model_fields.items():
+        value = getattr(model, name)
+        if value is None or (name not in model.model_fields_set and not isinstance(value, BaseModel)):
+            continue
+        unit = next((mark.si for mark in _quantities(field.annotation, field.metadata)), "")
+        if isinstance(value, BaseModel):
+            tables[name] = written(value)
+        else:
+            tables[name] = _with_unit(value, unit)
+    return tables
+
+
+def _with_unit(value: Any, unit: str) -> Any:
+    if isinstance(value, tuple):
+        return [_with_unit(one, unit) for one in value]
+    return f"{value!r} {unit}" if unit else value
+
+
+def explain(error: ValidationError, model: type[BaseModel], source: str) -> str:
+    """One line a problem: file, table, key, value, what was expected and what to do."""
+    details = error.errors(include_url=False, include_context=True)
+    unknown = [d for d in details if d["type"] == "extra_forbidden"]
+    nearest = {_path(d): _nearest(model, d["loc"]) for d in unknown}
+    lines = []
+    for detail in details:
+        # A misspelt key is reported once, not again as the missing key that it was meant to be.
+        if detail["type"] == "missing" and any(
+            _path(detail) == (*place[:-1], key) for place, key in nearest.items()
+        ):
+            continue
+        lines.append(f"{source}: {_sentence(detail, model, nearest)}")
+    return "\n".join(lines)
+
+
+def _sentence(
+    detail: ErrorDetails, model: type[BaseModel], nearest: dict[tuple[str, ...], str | None]
+) -> str:
+    path = _path(detail)
+    table, key = ".".join(path[:-1]), path[-1] if path else ""
+    where = f"[{table}] " if table else ""
+    kind, given = detail["type"], detail["input"]
+    owner = _model_at(model, path[:-1])
+    if kind == "extra_forbidden":
+        what = "table" if isinstance(given, dict) else "key"
+        cure = f'did you mean "{nearest[path]}"?' if nearest[path] else ""
+        known = ", ".join(owner.model_fields) if owner else ""
+        return f'{where}unknown {what} "{key}"; {cure or f"known here: {known}"}'
+    if kind == "missing":
+        field = owner.model_fields.get(key) if owner else None
+        if field is not None and _table_type(field.annotation)[0] is not None:
+            return f"table [{'.'.join(path)}] is missing; `mcdem describe` lists its keys"
+        expected = _expected(field.annotation, field.metadata) if field else "a value"
+        return f'{where}key "{key}" is missing; expected {expected}'
+    if kind in ("model_type", "model_attributes_type", "dict_type"):
+        return f'{where}"{key}" is a table; write [{".".join(path)}] and its keys below'
+    if kind == "quantity":
+        return f"{where}{key} = {_toml(given)} {detail['msg']}"
+    if kind == "value_error":  # raised by a table's own validator, which names its keys
+        place = f"[{'.'.join(path)}] " if isinstance(given, dict) else f"{where}{key} = {_toml(given)}: "
+        return f"{place}{str(detail['msg']).removeprefix('Value error, ')}"
+    field = owner.model_fields.get(key) if owner else None
+    expected = _expected(field.annotation, field.metadata) if field else str(detail["msg"])
+    return f"{where}{key} = {_toml(given)}; expected {expected}"
+
+
+def _path(detail: ErrorDetails) -> tuple[str, ...]:
+    """The tables and the key of a problem; of an item of a list, `key[number]`."""
+    found: list[str] = []
+    for part in detail["loc"]:
+        if isinstance(part, int) and found:
+            found[-1] += f"[{part}]"
+        else:
+            found.append(str(part))
+    return tuple(found)
+
+
+def _nearest(model: type[BaseModel], loc: tuple[int | str, ...]) -> str | None:
+    owner = _model_at(model, tuple(str(part) for part in loc[:-1]))
+    found = difflib.get_close_matches(str(loc[-1]), list(owner.model_fields) if owner else [], n=1)
+    return found[0] if found else None
+
+
+def _model_at(model: type[BaseModel], path: tuple[str, ...]) -> type[BaseModel] | None:
+    for name in path:
+        field = model.model_fields.get(name)
+        inner = _table_type(field.annotation)[0] if field else None
+        if inner is None:
+            return None
+        model = inner
+    return model
+
+
+def _table_type(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
+    """The table that an annotation `T` or `T | None` stands for, and whether it may be absent."""
+    options = typing.get_args(annotation) if isinstance(annotation, types.UnionType) else (annotation,)
+    options = typing.get_args(annotation) if typing.get_origin(annotation) is typing.Union else options
+    tables = [o for o in options if isinstance(o, type) and issubclass(o, BaseModel)]
+    return (tables[0] if tables else None), type(None) in options
+
+
+def _quantities(annotation: Any, metadata: Iterable[Any] = ()) -> list[Quantity]:
+    """The marks of `mcdem.quantities.units` on an annotation, inside `| None` too."""
+    found = [mark for mark in metadata if isinstance(mark, Quantity)]
+    for inner in typing.get_args(annotation):
+        found += _quantities(inner, getattr(inner, "__metadata__", ()))
+    return found
+
+
+def _expected(annotation: Any, metadata: Iterable[Any] = ()) -> str:
+    marks = [part for mark in metadata for part in (mark.metadata if isinstance(mark, FieldInfo) else [mark])]
+    signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+    bounds = " and ".join(f"{signs[n]} {getattr(m, n):g}" for m in marks for n in signs if hasattr(m, n))
+    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is typing.Annotated:
+        return _expected(arguments[0], arguments[1:])
+    if origin is tuple:
+        return f"a list, each {_expected(arguments[0])}"
+    if origin in (typing.Union, types.UnionType) and len(arguments) == 2 and type(None) in arguments:
+        return _expected(next(option for option in arguments if option is not type(None)), marks)
+    quantities = _quantities(annotation, marks)
+    if quantities:
+        return f"{quantities[0].kind} {bounds}" if bounds else quantities[0].expected
+    if origin is typing.Literal:
+        return " or ".join(_toml(choice) for choice in arguments)
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(_expected(option) for option in arguments if option is not type(None))
+    words = {int: "an integer", float: "a number", bool: "true or false", str: "text"}
+    return f"{words.get(annotation, str(annotation))} {bounds}".rstrip()
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'"{value}"' if isinstance(value, str) else str(value)

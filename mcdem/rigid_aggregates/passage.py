@@ -1,0 +1,252 @@
+"""The approach of two rigid aggregates while they are far apart: each a body with a stresslet.
+
+Free of force and torque, a body far away is felt through its stresslet.  Each turns and drifts in the flow plus what
+the other's stresslet makes of it.  The size of both bodies enters the velocity as Faxen's law and the source quadrupole
+of a sphere of the same radius of gyration: it is of relative order (R/r)^5, but it alone moves a body across streamlines
+before they are close (Batchelor & Green 1972: B = (16/3)(a/r)^5), so the offset at which two bodies just meet rests on it.
+For two spheres what is left out is of order (a/r)^7 of their relative velocity.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from mcdem.hydrodynamics.grand_mobility import five_tensor
+from mcdem.integrators.bodies import RECEDING, rotation
+from mcdem.rigid_aggregates.statics import multiply, present_load, turn_back
+
+
+@njit(cache=True)
+def add_disturbance(stresslet, separation, size, gradient, velocity):
+    """Add the field of a stresslet (3, 3) at `separation` (3,) from it: velocity (3,) and gradient (3, 3), du_i/dx_k.
+
+    u = (1 + size nabla^2) (9/4) x (x.S.x)/r^5 in units of 6 pi mu a^3 g; the gradient is that of the point stresslet.
+    size : a^2/10 of the sphere that exerts it and a^2/6 of the one that is carried, together
+    """
+    r2 = separation[0] ** 2 + separation[1] ** 2 + separation[2] ** 2
+    r5 = r2 * r2 * np.sqrt(r2)
+    product = np.zeros(3)
+    for k in range(3):
+        for m in range(3):
+            product[k] += stresslet[k, m] * separation[m]
+    square = product[0] * separation[0] + product[1] * separation[1] + product[2] * separation[2]
+    for k in range(3):
+        velocity[k] += 2.25 * separation[k] * square / r5
+        velocity[k] += 4.5 * size * (2.0 * product[k] - 5.0 * separation[k] * square / r2) / r5
+        gradient[k, k] += 2.25 * square / r5
+        for m in range(3):
+            gradient[k, m] += (
+                2.25 * separation[k] * (2.0 * product[m] - 5.0 * separation[m] * square / r2) / r5
+            )
+
+
+@njit(cache=True)
+def exerted(body, matrix, strain, stresslet):
+    """Stresslet (3, 3), in the laboratory, of a body turned by matrix in a strain (3, 3); returns its present loads."""
+    seen, five = np.empty(5), np.zeros(5)
+    turn_back(matrix, strain, seen)
+    for k in range(5):
+        for m in range(5):
+            five[k] += body.stresslet[k, m] * seen[m]
+    local, half = np.empty((3, 3)), np.zeros((3, 3))
+    five_tensor(five, local)
+    stresslet[:] = 0.0
+    for p in range(3):
+        for q in range(3):
+            for k in range(3):
+                half[p, q] += matrix[p, k] * local[k, q]
+    for p in range(3):
+        for q in range(3):
+            for k in range(3):
+                stresslet[p, q] += half[p, k] * matrix[q, k]
+    return present_load(body, seen)
+
+
+@njit(cache=True)
+def body_rates(body, matrix, centre, gradient, disturbance, carried, velocity, spin):
+    """Velocity and angular velocity (3,) of a body in the flow, a disturbance (3, 3) of its gradient, and one of its velocity."""
+    total, strain = np.empty((3, 3)), np.empty((3, 3))
+    for p in range(3):
+        for q in range(3):
+            total[p, q] = gradient[p, q] + disturbance[p, q]
+    for p in range(3):
+        for q in range(3):
+            strain[p, q] = 0.5 * (total[p, q] + total[q, p])
+    seen = np.empty(5)
+    turn_back(matrix, strain, seen)
+    spin[0] = 0.5 * (total[2, 1] - total[1, 2])
+    spin[1] = 0.5 * (total[0, 2] - total[2, 0])
+    spin[2] = 0.5 * (total[1, 0] - total[0, 1])
+    for k in range(3):
+        velocity[k] = carried[k]
+        for m in range(3):
+            velocity[k] += gradient[k, m] * centre[m]
+    for c in range(3):
+        own_spin = own_drift = 0.0
+        for m in range(5):
+            own_spin += body.spin[c, m] * seen[m]
+            own_drift += body.drift[c, m] * seen[m]
+        for k in range(3):
+            spin[k] += matrix[k, c] * own_spin
+            velocity[k] += matrix[k, c] * own_drift
+
+
+@njit(cache=True)
+def pair_rates(first, second, turns, centres, gradient, strain, velocities, spins):
+    """Rates of both bodies with one reflection of their stresslets; returns the larger present loads (`present_load`)."""
+    stresslets = np.empty((2, 3, 3))
+    exerted(first, turns[0], strain, stresslets[0])
+    exerted(second, turns[1], strain, stresslets[1])
+    load = tension = 0.0
+    disturbance, carried = np.zeros((2, 3, 3)), np.zeros((2, 3))
+    separation = np.empty(3)
+    a2, b2 = first.squared_radius, second.squared_radius
+    # The second pass lets the strain of the first disturbances act on the stresslets.
+    for _ in range(2):
+        disturbance[:] = 0.0
+        carried[:] = 0.0
+        for k in range(3):
+            separation[k] = centres[0, k] - centres[1, k]
+        add_disturbance(stresslets[1], separation, b2 / 10.0 + a2 / 6.0, disturbance[0], carried[0])
+        for k in range(3):
+            separation[k] = -separation[k]
+        add_disturbance(stresslets[0], separation, a2 / 10.0 + b2 / 6.0, disturbance[1], carried[1])
+        local = np.empty((3, 3))
+        for which in range(2):
+            for p in range(3):
+                for q in range(3):
+                    local[p, q] = strain[p, q] + 0.5 * (disturbance[which, p, q] + disturbance[which, q, p])
+            if which == 0:
+                load, tension = exerted(first, turns[0], local, stresslets[0])
+            else:
+                other, pull = exerted(second, turns[1], local, stresslets[1])
+                load, tension = max(load, other), max(tension, pull)
+    body_rates(first, turns[0], centres[0], gradient, disturbance[0], carried[0], velocities[0], spins[0])
+    body_rates(second, turns[1], centres[1], gradient, disturbance[1], carried[1], velocities[1], spins[1])
+    return load, tension
+
+
+@njit(cache=True)
+def step_together(first, second, turns, centres, gradient, strain, velocities, spins, step):
+    """Carry turns (2, 3, 3) and centres (2, 3) over one step by the midpoint rule; the rates given are those at its start."""
+    middle_turns, middle = np.empty((2, 3, 3)), np.empty((2, 3))
+    turn, after = np.empty((3, 3)), np.empty((3, 3))
+    for which in range(2):
+        rotation(spins[which] * (0.5 * step), turn)
+        multiply(turn, turns[which], middle_turns[which])
+        for k in range(3):
+            middle[which, k] = centres[which, k] + 0.5 * step * velocities[which, k]
+    pair_rates(first, second, middle_turns, middle, gradient, strain, velocities, spins)
+    for which in range(2):
+        rotation(spins[which] * step, turn)
+        multiply(turn, turns[which], after)
+        turns[which] = after
+        for k in range(3):
+            centres[which, k] += step * velocities[which, k]
+
+
+@njit(cache=True)
+def closing_speed(centres, velocities):
+    """(distance of the centres, rate at which it falls)."""
+    distance = closing = 0.0
+    for k in range(3):
+        d = centres[1, k] - centres[0, k]
+        distance += d * d
+        closing -= d * (velocities[1, k] - velocities[0, k])
+    distance = np.sqrt(distance)
+    return distance, closing / distance
+
+
+@njit(cache=True)
+def approach(first, second, turns, centres, gradient, strain, near, duration, step, limit):
+    """Bring two rigid bodies together until their centres are `near` apart; returns (time passed, largest tension over strength).
+
+    turns (2, 3, 3) and centres (2, 3) are carried along by the midpoint rule, second order.  It stops early when a
+    contact would bear more than `limit` of its strength, when they recede, or when `duration` has passed.
+    """
+    velocities, spins = np.empty((2, 3)), np.empty((2, 3))
+    elapsed, largest = 0.0, 0.0
+    while elapsed < duration - 1e-12:
+        load, tension = pair_rates(first, second, turns, centres, gradient, strain, velocities, spins)
+        if load > limit:
+            break
+        largest = max(largest, tension)
+        distance, closing = closing_speed(centres, velocities)
+        if distance <= near or closing <= 0.0:
+            break
+        h = min(step, duration - elapsed, max(0.05 * distance, distance - near) / closing)
+        h = max(h, 1e-3)
+        step_together(first, second, turns, centres, gradient, strain, velocities, spins, h)
+        elapsed += h
+    return elapsed, largest
+
+
+@njit(cache=True)
+def smallest_gap(first, second, turns, centres, radii_first, radii_second):
+    """Smallest gap between a primary of one body and one of the other."""
+    places = np.empty((first.positions.shape[0], 3))
+    for i in range(places.shape[0]):
+        for k in range(3):
+            places[i, k] = centres[0, k] - centres[1, k]
+            for m in range(3):
+                places[i, k] += turns[0, k, m] * first.positions[i, m]
+    smallest = np.inf
+    place = np.empty(3)
+    for j in range(second.positions.shape[0]):
+        for k in range(3):
+            place[k] = 0.0
+            for m in range(3):
+                place[k] += turns[1, k, m] * second.positions[j, m]
+        for i in range(places.shape[0]):
+            squares = 0.0
+            for k in range(3):
+                squares += (places[i, k] - place[k]) ** 2
+            smallest = min(smallest, np.sqrt(squares) - radii_first[i] - radii_second[j])
+    return smallest
+
+
+@njit(cache=True)
+def pass_by(
+    first,
+    second,
+    turns,
+    centres,
+    radii_first,
+    radii_second,
+    gradient,
+    strain,
+    margin,
+    apart,
+    duration,
+    step,
+    limit,
+):
+    """Let two rigid bodies pass each other; (whether they surely miss, time passed, largest tension over strength, smallest gap).
+
+    They surely miss if no two of their primaries come closer than `margin`, no contact ever bears more than `limit` of its
+    strength, and their centres recede, `apart` from each other, in the undisturbed flow too, or `duration` passes before.
+    turns (2, 3, 3) and centres (2, 3) are carried along as in `approach`.
+    """
+    velocities, spins = np.empty((2, 3)), np.empty((2, 3))
+    elapsed, largest, closest = 0.0, 0.0, np.inf
+    while elapsed < duration - 1e-12:
+        load, tension = pair_rates(first, second, turns, centres, gradient, strain, velocities, spins)
+        largest = max(largest, tension)
+        closest = min(closest, smallest_gap(first, second, turns, centres, radii_first, radii_second))
+        if load > limit or closest < margin:
+            return False, elapsed, largest, closest
+        distance, closing = closing_speed(centres, velocities)
+        if closing < 0.0 and distance > apart:
+            undisturbed = 0.0
+            for k in range(3):
+                for m in range(3):
+                    undisturbed += (
+                        (centres[1, k] - centres[0, k]) * gradient[k, m] * (centres[1, m] - centres[0, m])
+                    )
+            if undisturbed > RECEDING * distance * distance:
+                return True, elapsed, largest, closest
+        h = min(step, duration - elapsed)
+        step_together(first, second, turns, centres, gradient, strain, velocities, spins, h)
+        elapsed += h
+    return True, elapsed, largest, closest

@@ -1,0 +1,506 @@
+"""Rigid aggregates: how they turn in the flow, and what their contacts bear at any orientation.
+
+An aggregate without floppy modes moves as a rigid body, and statics alone says what its contacts bear: both its
+motion and its tensions are linear in the strain seen from the body, with coefficients found once.
+
+    Omega = omega_inf + Q spin(Q^T E Q),   V = u_inf + Q drift(Q^T E Q),   tension_b = rest_b + response_b : Q^T E Q
+
+Q turns body to laboratory.  The worst tension over all orientations follows from the eigenvalues of response_b:
+for symmetric tensors A and E the largest A : Q^T E Q is the sum of products of their sorted eigenvalues.  An
+aggregate whose worst tension stays below pull-off is *inert*: nothing can happen to it alone.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from mcdem.effects import contact_equilibrium, contact_force, contact_pull_off_force, non_contact_force
+from mcdem.hydrodynamics import stokesian
+from mcdem.hydrodynamics.grand_mobility import five_tensor, tensor_to_five
+from mcdem.hydrodynamics.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
+from mcdem.integrators.bodies import rotation
+from mcdem.integrators.contacts import FORCE_RANGE
+from mcdem.integrators.state import harmonic_radius
+
+RIGID = 0
+FLOPPY = 1
+FAILED = 2
+
+# Smallest pivot of the contact network's stiffness, over that of one contact, that counts as rigid.
+_RIGIDITY = 1e-4
+
+
+class RigidBody(NamedTuple):
+    """Response of a rigid aggregate to a uniform strain, in the orientation in which it was analysed."""
+
+    positions: np.ndarray  # (P, 3) about the centre
+    spin: np.ndarray  # (3, 5)
+    drift: np.ndarray  # (3, 5)
+    stresslet: np.ndarray  # (5, 5) exerted on the fluid
+    # Tensions of the contacts first; then, where contacts resist sliding, rolling or twisting, what their springs bear.
+    contacts: int
+    rest: np.ndarray  # (B,) tension without flow
+    response: np.ndarray  # (B, 5)
+    strength: np.ndarray  # (B,) pull-off force
+    squared_radius: float  # of the sphere with the same radius of gyration
+
+
+@njit(cache=True)
+def sorted_eigenvalues(c):
+    """Eigenvalues, largest first, of the symmetric traceless tensor with five components c."""
+    a = np.empty((3, 3))
+    five_tensor(c, a)
+    squares = 0.0
+    for k in range(5):
+        squares += c[k] * c[k]
+    if squares == 0.0:
+        return 0.0, 0.0, 0.0
+    p = np.sqrt(squares / 6.0)
+    determinant = (
+        a[0, 0] * (a[1, 1] * a[2, 2] - a[1, 2] * a[1, 2])
+        - a[0, 1] * (a[0, 1] * a[2, 2] - a[1, 2] * a[0, 2])
+        + a[0, 2] * (a[0, 1] * a[1, 2] - a[1, 1] * a[0, 2])
+    )
+    angle = np.arccos(min(1.0, max(-1.0, determinant / (2.0 * p**3)))) / 3.0
+    largest = 2.0 * p * np.cos(angle)
+    smallest = 2.0 * p * np.cos(angle + 2.0 * np.pi / 3.0)
+    return largest, -largest - smallest, smallest
+
+
+@njit(cache=True)
+def worst_load(body, strain_five):
+    """Largest ratio, over contacts and orientations, of load to strength."""
+    e1, e2, e3 = sorted_eigenvalues(strain_five)
+    worst = 0.0
+    for b in range(body.rest.shape[0]):
+        a1, a2, a3 = sorted_eigenvalues(body.response[b])
+        worst = max(worst, (body.rest[b] + a1 * e1 + a2 * e2 + a3 * e3) / body.strength[b])
+    return worst
+
+
+@njit(cache=True)
+def squared_radius(positions, radii):
+    """Squared radius of the sphere with the radius of gyration of a body, (5/3) R_g^2, from positions (P, 3) about its centre."""
+    volume = second = own = 0.0
+    for i in range(radii.shape[0]):
+        share = radii[i] ** 3
+        volume += share
+        own += share * radii[i] ** 2
+        for k in range(3):
+            second += share * (positions[i, k] * positions[i, k])
+    return own / volume + 5.0 / 3.0 * second / volume
+
+
+@njit(cache=True)
+def empty_body(n):
+    """A body with no contacts."""
+    return RigidBody(
+        np.zeros((n, 3)),
+        np.zeros((3, 5)),
+        np.zeros((3, 5)),
+        np.zeros((5, 5)),
+        0,
+        np.zeros(0),
+        np.zeros((0, 5)),
+        np.zeros(0),
+        0.0,
+    )
+
+
+@njit(cache=True)
+def of_sphere(radius):
+    """The body of one sphere: no contacts, and the stresslet -10/9 a^3 E of a sphere by itself."""
+    b = empty_body(1)
+    for k in range(5):
+        b.stresslet[k, k] = -10.0 / 9.0 * radius**3
+    return RigidBody(b.positions, b.spin, b.drift, b.stresslet, 0, b.rest, b.response, b.strength, radius**2)
+
+
+@njit(cache=True)
+def network_stiffness(positions, directions, pairs, slopes, count, stiffness):
+    """Stiffness (3P, 3P) of the contact network with its rigid motions stiffened, factorised; True if it is rigid."""
+    n = positions.shape[0]
+    stiffness[:] = 0.0
+    typical = 0.0
+    for b in range(count):
+        i, j = pairs[b, 0], pairs[b, 1]
+        typical = max(typical, slopes[b])
+        for k in range(3):
+            for m in range(3):
+                value = slopes[b] * directions[i, j, k] * directions[i, j, m]
+                stiffness[3 * i + k, 3 * j + m] -= value
+                if m <= k:
+                    stiffness[3 * i + k, 3 * i + m] += value
+                    stiffness[3 * j + k, 3 * j + m] += value
+    spread = 0.0
+    for i in range(n):
+        for k in range(3):
+            spread += positions[i, k] ** 2
+    for mode in range(6):
+        vector = np.zeros(3 * n)
+        for i in range(n):
+            if mode < 3:
+                vector[3 * i + mode] = 1.0 / np.sqrt(n)
+            else:
+                k, m = (mode - 2) % 3, (mode - 1) % 3
+                vector[3 * i + k] = -positions[i, m] / np.sqrt(spread)
+                vector[3 * i + m] = positions[i, k] / np.sqrt(spread)
+        for row in range(3 * n):
+            for column in range(row + 1):
+                stiffness[row, column] += typical * vector[row] * vector[column]
+    if cholesky(stiffness) != 0:
+        return False
+    for row in range(3 * n):
+        if stiffness[row, row] ** 2 < _RIGIDITY * typical:
+            return False
+    return True
+
+
+@njit(cache=True)
+def analyse(
+    work,
+    positions,
+    bonded,
+    radii,
+    cutoff,
+    shifted,
+    coupled,
+    stresslets,
+    table,
+    van_der_waals,
+    double_layer,
+    short_range,
+    jkr,
+    dmt,
+):
+    """(RIGID, FLOPPY or FAILED, body) of one connected aggregate; positions (P, 3) about its centre, reduced units.
+
+    work : `stokesian.workspace` of P
+    """
+    n = radii.shape[0]
+    if n == 1:
+        return RIGID, of_sphere(radii[0])
+    body = empty_body(n)
+    count = count_contacts(bonded)
+    if count < 3 * n - 6 or count == 0:
+        return FLOPPY, body
+    stokesian.measure(positions, work.directions, work.distances)
+    pairs = np.empty((count, 2), np.int64)
+    slopes, rest, strength = np.empty(count), np.empty(count), np.empty(count)
+    unbalanced = np.zeros(3 * n)
+    b = 0
+    for i in range(n):
+        for j in range(i):
+            gap = work.distances[i, j] - radii[i] - radii[j]
+            radius = harmonic_radius(radii[i], radii[j])
+            if bonded[i, j]:
+                force, slopes[b] = linear_contact(gap, radius, jkr, dmt)
+                pairs[b, 0], pairs[b, 1] = i, j
+                rest[b] = -force
+                strength[b] = contact_pull_off_force(radius, jkr, dmt)
+                b += 1
+            elif gap < FORCE_RANGE:
+                force, _ = non_contact_force(gap, radius, van_der_waals, double_layer, short_range)
+            else:
+                continue
+            for k in range(3):
+                unbalanced[3 * i + k] += force * work.directions[i, j, k]
+                unbalanced[3 * j + k] -= force * work.directions[i, j, k]
+    stiffness = np.empty((3 * n, 3 * n))
+    if not network_stiffness(positions, work.directions, pairs, slopes, count, stiffness):
+        return FLOPPY, body
+    solve_cholesky(stiffness, unbalanced)
+    add_tensions(work.directions, pairs, slopes, unbalanced, rest)
+
+    if stokesian.level_resistance(work, radii, coupled, stresslets) != 0:
+        return FAILED, body
+    unit, drives = np.eye(5), np.empty((5, 6 * n))
+    drive_by_strains(work, radii, unit, drives, cutoff, shifted, stresslets, table)
+    if stokesian.eliminate_torques(work.resistance) != 0:
+        return FAILED, body
+    m = 3 * n
+    matrix = work.resistance[m:, m:]
+    modes = rigid_modes(positions)
+    pulled = pull_of_modes(matrix, modes)
+    grand = np.zeros((6, 6))
+    # Spheres free to turn do not resist that a doublet spins about its own axis, and dragged each by itself not even by
+    # rounding, which may have either sign: a small addition leaves that spin at zero.
+    settled = coupled is not None and rigid_resistance(modes, pulled, 0.0, grand)
+    if not settled and not rigid_resistance(modes, pulled, 1e-12, grand):
+        return FAILED, body
+    response = np.zeros((count, 5))
+    relative, load, rates = np.empty(m), np.empty(m), np.empty(6 * n)
+    for k in range(5):
+        drive = drives[k]
+        stokesian.reduce_drive(work.resistance, drive)
+        move_as_body(matrix, positions, modes, pulled, grand, drive[m:], unit, k, body, relative, load)
+        stokesian.angular_velocities(work.resistance, drive, relative, rates[:m])
+        rates[m:] = relative
+        add_stresslet(work, radii, positions, rates, load, cutoff, stresslets, table, unit, k, body)
+        # Contacts supply the load: K displacement = -load.
+        for row in range(m):
+            load[row] = -load[row]
+        solve_cholesky(stiffness, load)
+        add_tensions(work.directions, pairs, slopes, load, response[:, k])
+    return RIGID, RigidBody(
+        positions.copy(),
+        body.spin,
+        body.drift,
+        body.stresslet,
+        count,
+        rest,
+        response,
+        strength,
+        squared_radius(positions, radii),
+    )
+
+
+@njit(cache=True)
+def count_contacts(bonded):
+    """Number of contacts of (N, N)."""
+    count = 0
+    for i in range(bonded.shape[0]):
+        for j in range(i):
+            if bonded[i, j]:
+                count += 1
+    return count
+
+
+@njit(cache=True)
+def linear_contact(gap, radius, jkr, dmt):
+    """(force, stiffness) of a contact at its gap; the stiffness is floored as in `contacts.contact_tangent`."""
+    force, slope = contact_force(gap, radius, jkr, dmt)
+    _, stiffness = contact_equilibrium(radius, jkr, dmt)
+    return force, max(-slope, 0.02 * stiffness)
+
+
+@njit(cache=True)
+def drive_by_strains(work, radii, unit, drives, cutoff, shifted, stresslets, table):
+    """What the strains `unit` (5, 5) drive, into drives (5, 6N); lubrication goes into the resistance as well."""
+    for k in range(5):
+        stokesian.level_drive(work, unit[k], stresslets)
+        drives[k] = work.drive
+    add_two_body_all(work, radii, unit, drives, cutoff, shifted, table)
+
+
+@njit(cache=True)
+def pull_of_modes(matrix, modes):
+    """Forces (6, m) that the fluid makes of each of the rigid motions `modes` (6, m)."""
+    pulled = np.zeros(modes.shape)
+    for mode in range(6):
+        multiply_symmetric(matrix, modes[mode], pulled[mode])
+    return pulled
+
+
+@njit(cache=True)
+def move_as_body(matrix, positions, modes, pulled, grand, drive, unit, k, body, relative, load):
+    """Rigid motion of a force-free body in strain k of `unit` (5, 5), into body.spin and body.drift.
+
+    matrix, modes, drive : resistance (m, m), rigid motions (6, m) and drive (m,); displacements of the spheres are the last 3P
+    relative, load : motion (m,) relative to the strain, and what the fluid asks of the contacts (m,)
+    """
+    tensor, motion = np.empty((3, 3)), np.empty(6)
+    five_tensor(unit[k], tensor)
+    m = relative.shape[0]
+    first = m - 3 * positions.shape[0]
+    relative[:first] = 0.0
+    for i in range(positions.shape[0]):
+        for c in range(3):
+            relative[first + 3 * i + c] = -(
+                tensor[c, 0] * positions[i, 0]
+                + tensor[c, 1] * positions[i, 1]
+                + tensor[c, 2] * positions[i, 2]
+            )
+    multiply_symmetric(matrix, relative, load)
+    for row in range(m):
+        load[row] -= drive[row]
+    for p in range(6):
+        motion[p] = 0.0
+        for row in range(m):
+            motion[p] -= modes[p, row] * load[row]
+    solve_cholesky(grand, motion)
+    for p in range(6):
+        for row in range(m):
+            load[row] += motion[p] * pulled[p, row]
+            relative[row] += motion[p] * modes[p, row]
+    for c in range(3):
+        body.drift[c, k] = motion[c]
+        body.spin[c, k] = motion[3 + c]
+
+
+@njit(cache=True)
+def add_stresslet(work, radii, positions, rates, load, cutoff, stresslets, table, unit, k, body):
+    """Add to body.stresslet what the body exerts on the fluid in strain k of `unit` (5, 5): of its spheres and of their forces.
+
+    rates : (turns | displacements) (6P,) relative to the strain;  load : the forces are its last 3P
+    """
+    n = radii.shape[0]
+    first = load.shape[0] - 3 * n
+    five, extra, moment = np.empty((n, 5)), np.empty(5), np.zeros((3, 3))
+    stokesian.level_drive(work, unit[k], stresslets)
+    stokesian.level_stresslets(work, radii, rates, unit[k], cutoff, stresslets, table, five)
+    for i in range(n):
+        for c in range(5):
+            body.stresslet[c, k] += five[i, c]
+        for c in range(3):
+            for e in range(3):
+                product = 0.5 * load[first + 3 * i + c] * positions[i, e]
+                moment[c, e] += product
+                moment[e, c] += product
+    trace = (moment[0, 0] + moment[1, 1] + moment[2, 2]) / 3.0
+    for c in range(3):
+        moment[c, c] -= trace
+    tensor_to_five(moment, extra)
+    for c in range(5):
+        body.stresslet[c, k] += extra[c]
+
+
+@njit(cache=True)
+def rigid_resistance(modes, pulled, ridge, grand):
+    """Resistance (6, 6) of the rigid motions `modes`, of which the fluid makes the forces `pulled`, factorised; True if it is.
+
+    ridge : added to that of rotations, over its sum
+    """
+    for p in range(6):
+        for q in range(6):
+            grand[p, q] = 0.0
+            for row in range(modes.shape[1]):
+                grand[p, q] += modes[p, row] * pulled[q, row]
+    if ridge > 0.0:
+        spinning = grand[3, 3] + grand[4, 4] + grand[5, 5]
+        for p in range(3, 6):
+            grand[p, p] += ridge * spinning
+    return cholesky(grand) == 0
+
+
+@njit(cache=True)
+def add_two_body_all(work, radii, unit, drives, cutoff, shifted, table):
+    """Lubrication into the resistance and into the drives (5, 6N) of the five unit strains."""
+    if table is not None:
+        tensor = np.empty((3, 3))
+        n = radii.shape[0]
+        for i in range(n):
+            for j in range(i):
+                true_gap = work.distances[i, j] - radii[i] - radii[j]
+                gap = max(true_gap, cutoff)
+                shift = gap - true_gap if shifted else 0.0
+                stokesian.lubrication.motion_scalars(gap, radii[i], radii[j], table, work.raw, work.scalars)
+                d = (work.directions[j, i, 0], work.directions[j, i, 1], work.directions[j, i, 2])
+                stokesian.lubrication.add_pair_resistance(work.scalars, i, j, d, work.resistance)
+                for k in range(5):
+                    five_tensor(unit[k], tensor)
+                    stokesian.lubrication.add_pair_drive(work.scalars, i, j, d, tensor, shift, drives[k])
+
+
+@njit(cache=True)
+def add_tensions(directions, pairs, slopes, displacement, out):
+    """out (B,) += tensions of linear contacts under displacements (3P,)."""
+    for b in range(pairs.shape[0]):
+        i, j = pairs[b, 0], pairs[b, 1]
+        for k in range(3):
+            out[b] += slopes[b] * directions[i, j, k] * (displacement[3 * i + k] - displacement[3 * j + k])
+
+
+@njit(cache=True)
+def rigid_modes(positions):
+    """Three translations and three rotations about the centre, (6, 3P)."""
+    n = positions.shape[0]
+    modes = np.zeros((6, 3 * n))
+    for i in range(n):
+        for k in range(3):
+            modes[k, 3 * i + k] = 1.0
+        x, y, z = positions[i, 0], positions[i, 1], positions[i, 2]
+        modes[3, 3 * i + 1], modes[3, 3 * i + 2] = -z, y
+        modes[4, 3 * i], modes[4, 3 * i + 2] = z, -x
+        modes[5, 3 * i], modes[5, 3 * i + 1] = -y, x
+    return modes
+
+
+@njit(cache=True)
+def turn_back(matrix, tensor, five):
+    """Components (5,) of Q^T tensor Q, with Q = matrix (3, 3)."""
+    half, turned = np.empty((3, 3)), np.empty((3, 3))
+    multiply(tensor, matrix, half)
+    for p in range(3):
+        for q in range(3):
+            turned[p, q] = matrix[0, p] * half[0, q] + matrix[1, p] * half[1, q] + matrix[2, p] * half[2, q]
+    tensor_to_five(turned, five)
+
+
+@njit(cache=True)
+def present_load(body, seen):
+    """Largest ratio of load to strength in the strain seen from the body, (5,): of any kind, and of tension."""
+    worst = tension = 0.0
+    for b in range(body.rest.shape[0]):
+        load = body.rest[b]
+        for k in range(5):
+            load += body.response[b, k] * seen[k]
+        worst = max(worst, load / body.strength[b])
+        if b < body.contacts:
+            tension = worst
+    return worst, tension
+
+
+@njit(cache=True)
+def turning_rate(body, matrix, gradient, seen, rate):
+    """Angular velocity (3,) in the laboratory of a body turned by matrix (3, 3), which sees the strain `seen` (5,)."""
+    for k in range(3):
+        rate[k] = 0.0
+    for c in range(3):
+        spin = 0.0
+        for e in range(5):
+            spin += body.spin[c, e] * seen[e]
+        for k in range(3):
+            rate[k] += matrix[k, c] * spin
+    rate[0] += 0.5 * (gradient[2, 1] - gradient[1, 2])
+    rate[1] += 0.5 * (gradient[0, 2] - gradient[2, 0])
+    rate[2] += 0.5 * (gradient[1, 0] - gradient[0, 1])
+
+
+@njit(cache=True)
+def tumble(body, matrix, centre, gradient, strain, duration, step, limit):
+    """Turn a rigid body in the flow until `duration` has passed or its load exceeds `limit`.
+
+    matrix (3, 3) and centre (3,) are carried along (midpoint rule on rotations, second order; the centre follows
+    with the drift).  Returns (time passed, largest tension met over pull-off force, whether the limit stopped it).
+    """
+    seen, rate = np.empty(5), np.empty(3)
+    half, turn, middle, after = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    velocity = np.empty(3)
+    elapsed, largest = 0.0, 0.0
+    turn_back(matrix, strain, seen)
+    while elapsed < duration - 1e-12:
+        h = min(step, duration - elapsed)
+        turning_rate(body, matrix, gradient, seen, rate)
+        rotation(rate * (0.5 * h), half)
+        multiply(half, matrix, middle)
+        turn_back(middle, strain, seen)
+        turning_rate(body, middle, gradient, seen, rate)
+        for k in range(3):
+            velocity[k] = gradient[k, 0] * centre[0] + gradient[k, 1] * centre[1] + gradient[k, 2] * centre[2]
+            for c in range(3):
+                for e in range(5):
+                    velocity[k] += middle[k, c] * body.drift[c, e] * seen[e]
+        rotation(rate * h, turn)
+        multiply(turn, matrix, after)
+        turn_back(after, strain, seen)
+        load, tension = present_load(body, seen)
+        if load > limit:
+            return elapsed, largest, True
+        largest = max(largest, tension)
+        matrix[:] = after
+        for k in range(3):
+            centre[k] += h * velocity[k]
+        elapsed += h
+    return elapsed, largest, False
+
+
+@njit(cache=True)
+def multiply(a, b, out):
+    """out = a b for (3, 3)."""
+    for p in range(3):
+        for q in range(3):
+            out[p, q] = a[p, 0] * b[0, q] + a[p, 1] * b[1, q] + a[p, 2] * b[2, q]

@@ -1,0 +1,1 @@
+"""The population balance in event form: grid, encounters, daughters, right-hand side."""

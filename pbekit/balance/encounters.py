@@ -1,0 +1,424 @@
+"""What can happen to aggregates, in event form, and how it lands on a grid.
+
+Pair events consume two aggregates (`Aggregation`, `CollisionalBreakup`), `Breakage` consumes one, `Restructuring`
+changes the shape of one.  Events compete: each has its own rate, all their rates add.  Every product row carries
+exactly the mass of its parents; that is checked here, once, for every event whoever wrote it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pbekit.balance import right_hand_side as compiled
+from pbekit.balance.breakage import Daughters, as_daughters, evaluate_rate
+from pbekit.balance.grid import Grid, TwoComponentGrid
+from pbekit.balance.kernels import as_kernel, evaluate
+from pbekit.errors import KernelError, PBEError
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeMemory:
+    """Shapes of products that remember the larger parent (of two equal ones, the one of higher shape class).
+
+    shares : (G + 1, K) probabilities of a product's shape given its size; row 0 if the larger parent has one shape
+        only (P = 1, 2), row 1 + g if its shape is in group g
+    group_of_shape : (shapes,) non-decreasing, group 0 ... G - 1 of each shape class
+    """
+
+    shares: np.ndarray
+    group_of_shape: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PairRows:
+    """Products of every pair of sizes, already on the grid.
+
+    number : (S (S + 1) / 2, S + 2) products on each pivot, then overflow number and mass; pair i <= j of sizes is row
+        j (j + 1) / 2 + i
+    """
+
+    number: np.ndarray
+    name: str = "pair rows"
+
+
+@dataclass(frozen=True, eq=False)
+class Aggregation:
+    """i + j -> one aggregate with the mass of both.
+
+    kernel : Kernel, function, array or number; shape : shares of the product's shape, (shapes,) or (K,), or a
+    ShapeMemory
+    """
+
+    kernel: object
+    shape: np.ndarray | ShapeMemory | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class CollisionalBreakup:
+    """i + j -> fragments of the two together (exchange included).
+
+    daughters : Daughters of the joint mass; or a function (mass_i, mass_j) -> (masses, expected numbers); or PairRows
+    """
+
+    kernel: object
+    daughters: object
+    shape: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Breakage:
+    """i -> fragments, first order.  rate : function of mass, array (K,), or a law of `breakage`."""
+
+    rate: object
+    daughters: object
+    shape: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Restructuring:
+    """Encounters of i and j after which i and j live on; i takes a new shape of its own size.
+
+    kernel : rate at which i meets j and both survive
+    transition : (shapes, shapes) or (K, shapes) or (G, K, shapes), probability of the shape after, given the cell
+    partner_start : (G + 1,) first cell of each group of partners, if the transitions depend on the partner
+    """
+
+    kernel: object
+    transition: np.ndarray
+    partner_start: np.ndarray | None = None
+
+
+Event = Aggregation | CollisionalBreakup | Breakage | Restructuring
+MASS_TOLERANCE = 1e-12
+
+
+class _Rows:
+    """Product rows, gathered in compressed form."""
+
+    def __init__(self, grid, averaged: bool, closed: bool):
+        self.grid, self.averaged, self.closed = grid, averaged, closed
+        self.slot: list[np.ndarray] = []
+        self.number: list[np.ndarray] = []
+        self.carried: list[np.ndarray] = []
+        self.length: list[np.ndarray] = []
+
+    @property
+    def count(self) -> int:
+        return sum(len(part) for part in self.length)
+
+    def add_dense(self, number, carried, offset, parents, name):
+        """One row from a vector over the slots."""
+        keep = np.flatnonzero((number != 0) | (carried != 0))
+        self.check(keep[None], number[keep][None], carried[keep][None], np.atleast_2d(parents), name)
+        self.add_block(keep[None] + offset, number[keep][None], carried[keep][None])
+
+    def add_pairs(self, given: PairRows, parents, offset):
+        """All rows at once."""
+        grid, number = self.grid, np.asarray(given.number, float)
+        if not isinstance(grid, Grid) or number.shape != (len(parents), grid.sizes + 2):
+            raise PBEError(f"{given.name}: got {number.shape}, expected ({len(parents)}, {grid.sizes + 2})")
+        if np.any(~np.isfinite(number)) or np.any(number < 0):
+            raise KernelError(f"{given.name}: negative or not finite")
+        carried = number[:, :-2] * grid.pivots
+        weighs = carried.sum(axis=1) + number[:, -1]
+        wrong = np.flatnonzero(np.abs(weighs - parents[:, 0]) > 1e-9 * parents[:, 0])
+        if wrong.size:
+            r = wrong[0]
+            raise KernelError(
+                f"{given.name}: products weigh {weighs[r]} where the parents weigh {parents[r, 0]}"
+            )
+        number = number * (parents / weighs[:, None])
+        row, slot = np.nonzero(number)
+        self.slot.append(slot + offset)
+        self.number.append(number[row, slot])
+        # A product on its pivot has the pivot's mass: the cell average then leaves it there.
+        self.carried.append(np.append(grid.pivots, [0.0, 0.0])[slot] * number[row, slot])
+        self.length.append(np.bincount(row, minlength=len(parents)))
+
+    def add_block(self, slot, number, carried):
+        """Rows of equal length (rows, entries)."""
+        self.slot.append(slot.ravel())
+        self.number.append(number.ravel())
+        self.carried.append(carried.ravel())
+        self.length.append(np.full(slot.shape[0], slot.shape[1]))
+
+    def corners(self, products, offset, parents, name):
+        """Rows of one product each; products (n, M) masses, parents (n, M) the masses they must carry."""
+        slot, number, carried = self.grid.corners(products, self.averaged, self.closed)
+        carried = np.zeros_like(number) if carried is None else carried
+        self.check(slot, number, carried, parents, name)
+        self.add_block(slot + offset, number, carried)
+
+    def check(self, slot, number, carried, parents, name):
+        """Refuse rows that do not carry the parents' mass."""
+        grid = self.grid
+        if isinstance(grid, TwoComponentGrid):
+            masses = np.concatenate([grid.masses, np.zeros((1, 2)), np.eye(2)])
+            got = np.einsum("rc,rcm->rm", number, masses[slot])
+        else:
+            overflow = slot == grid.sizes + 1
+            got = (carried.sum(axis=1) + (number * overflow).sum(axis=1))[:, None]
+        wrong = np.abs(got - parents) > MASS_TOLERANCE * parents.sum(axis=1, keepdims=True)
+        if np.any(wrong):
+            r = np.argwhere(wrong)[0][0]
+            raise KernelError(f"{name}: products weigh {got[r]} where the parents weigh {parents[r]}")
+
+    def finish(self) -> compiled.Products:
+        """All rows without their zeros; a run ends where the next slot is not the neighbour, and with its row."""
+        slot, number, carried = (np.concatenate(part) for part in (self.slot, self.number, self.carried))
+        some = (number != 0) | (carried != 0)
+        kept = np.concatenate([[0], np.cumsum(some)])
+        entry = kept[np.concatenate([[0], np.cumsum(np.concatenate(self.length))])]
+        slot, number = slot[some].astype(np.int64), number[some].astype(float)
+        begins = np.ones(slot.size, bool)
+        begins[1:] = np.diff(slot) != 1
+        begins[entry[:-1][np.diff(entry) > 0]] = True
+        run = np.append(np.flatnonzero(begins), slot.size).astype(np.int64)
+        row = np.searchsorted(run, entry).astype(np.int64)
+        mass = carried[some].astype(float) if self.averaged else np.zeros(0)
+        return compiled.Products(row, run, slot[run[:-1]], number, mass)
+
+
+def _place_fragments(grid, daughters: Daughters, parent: float, averaged: bool, closed: bool):
+    if isinstance(grid, TwoComponentGrid):
+        raise PBEError(
+            "two-component grids take daughters as a function that returns (masses (n, 2), numbers)"
+        )
+    if grid.discrete or type(daughters).pieces is not Daughters.pieces:
+        mass, number = daughters.pieces(parent)
+        return grid.place(mass, number, averaged, closed)
+    return grid.place_density(*daughters.cumulative(parent), parent, averaged, closed)
+
+
+@dataclass
+class Assembled:
+    """The compiled arrays of a set of events on a grid."""
+
+    geometry: compiled.Geometry
+    encounters: compiled.Encounters | None
+    first_order: compiled.FirstOrder | None
+    restructuring: compiled.Restructuring | None
+
+
+class _Variants:
+    """The kinds of shape rows in use; equal rows are kept once."""
+
+    def __init__(self, grid):
+        self.grid = grid
+        self.shares: list[np.ndarray] = []
+        self.width = grid.sizes + 1 + grid.masses.shape[1]
+
+    def offset(self, share) -> int:
+        """First slot of the variant with these shares."""
+        share = self.grid.same_shape_share(share)
+        for v, known in enumerate(self.shares):
+            if np.array_equal(known, share):
+                return v * self.width
+        self.shares.append(share)
+        return (len(self.shares) - 1) * self.width
+
+
+def assemble(grid: Grid | TwoComponentGrid, events: list, averaged: bool, closed: bool) -> Assembled:
+    """Events on a grid as arrays for the compiled balance.
+
+    closed : products beyond the last pivot are put on it with their mass, not their number; nothing leaves the grid
+    """
+    if averaged and isinstance(grid, TwoComponentGrid):
+        raise PBEError("cell average is for one mass coordinate; a two-component grid uses the fixed pivot")
+    for event in events:
+        if not isinstance(event, Event):
+            raise PBEError(
+                f"events: got {event!r}, expected Aggregation, CollisionalBreakup, Breakage or Restructuring"
+            )
+    variants = _Variants(grid)
+    group = _groups(grid, events)
+    sizes = grid.size_of_cell
+    runs = sizes * (group.max() + 1) + group
+    class_start = np.concatenate([np.flatnonzero(np.diff(runs, prepend=-1)), [grid.cells]]).astype(np.int64)
+
+    pair_events = [e for e in events if isinstance(e, (Aggregation, CollisionalBreakup))]
+    encounters = (
+        _encounters(grid, pair_events, class_start, group, variants, averaged, closed)
+        if pair_events
+        else None
+    )
+    first = [e for e in events if isinstance(e, Breakage)]
+    first_order = _first_order(grid, first, variants.offset, averaged, closed) if first else None
+    reshaping = [e for e in events if isinstance(e, Restructuring)]
+    if len(reshaping) > 1:
+        raise PBEError(
+            "events: give one Restructuring, with the kernels and transitions of all of them together"
+        )
+    restructuring = _restructuring(grid, reshaping[0]) if reshaping else None
+
+    step = (
+        (lambda by: grid.neighbour(by))
+        if averaged and isinstance(grid, Grid)
+        else (lambda by: np.full(grid.cells, -1))
+    )
+    geometry = compiled.Geometry(
+        class_start,
+        sizes.astype(np.int64),
+        np.ascontiguousarray(variants.shares or [np.ones(grid.cells)]),
+        np.ascontiguousarray(grid.mass),
+        step(1).astype(np.int64),
+        step(-1).astype(np.int64),
+        variants.width - grid.sizes,
+    )
+    return Assembled(geometry, encounters, first_order, restructuring)
+
+
+def _groups(grid, events) -> np.ndarray:
+    """(K,) shape group of each cell that products remember: 0 none, 1 + g."""
+    memories = [e.shape for e in events if isinstance(getattr(e, "shape", None), ShapeMemory)]
+    if not memories:
+        return np.zeros(grid.cells, int)
+    of_shape = np.asarray(memories[0].group_of_shape, int)
+    if any(not np.array_equal(m.group_of_shape, of_shape) for m in memories):
+        raise PBEError("events: every ShapeMemory must use the same groups of shapes")
+    if of_shape.shape != (grid.shapes,) or np.any(np.diff(of_shape) < 0) or of_shape.min() != 0:
+        raise PBEError(
+            f"ShapeMemory: groups must ascend from 0, one per shape class ({grid.shapes}), got {of_shape}"
+        )
+    return np.where(grid.shape_of_cell < 0, 0, 1 + of_shape[grid.shape_of_cell])
+
+
+def _encounters(grid, events, class_start, group, variants, averaged, closed) -> compiled.Encounters:
+    first_cell = class_start[:-1]
+    class_size, class_group = grid.size_of_cell[first_cell], group[first_cell]
+    cb, ca = np.tril_indices(len(first_cell))  # row-major lower triangle: pair index b (b + 1) / 2 + a
+    low = np.minimum(class_size[ca], class_size[cb])
+    high = np.maximum(class_size[ca], class_size[cb])
+    size_pair = high * (high + 1) // 2 + low
+    larger = np.where(
+        class_size[ca] == class_size[cb], np.maximum(class_group[ca], class_group[cb]), class_group[cb]
+    )
+    size_mass = grid.masses[np.searchsorted(grid.size_of_cell, np.arange(grid.sizes))]
+    high_size, low_size = np.tril_indices(grid.sizes)
+
+    rows, weights, row_of_pair = _Rows(grid, averaged, closed), [], []
+    for event in events:
+        kernel = as_kernel(event.kernel)
+        weight = evaluate(kernel, grid.state)
+        weights.append(weight)
+        start = rows.count
+        memory = event.shape if isinstance(event.shape, ShapeMemory) else None
+        shares = [event.shape] if memory is None else list(memory.shares)
+        for share in shares:
+            offset = variants.offset(share)
+            if isinstance(event, Aggregation):
+                joint = size_mass[low_size] + size_mass[high_size]
+                rows.corners(joint, offset, joint, kernel.name)
+            else:
+                _collisional_rows(grid, event, rows, size_mass, low_size, high_size, weight, offset)
+        row_of_pair.append(start + size_pair + (0 if memory is None else larger * high_size.size))
+    return compiled.Encounters(np.ascontiguousarray(weights), np.array(row_of_pair, np.int64), rows.finish())
+
+
+def _collisional_rows(grid, event, rows, size_mass, low_size, high_size, weight, offset):
+    two, averaged, closed = isinstance(grid, TwoComponentGrid), rows.averaged, rows.closed
+    if isinstance(event.daughters, PairRows):
+        rows.add_pairs(event.daughters, size_mass[low_size] + size_mass[high_size], offset)
+        return
+    of_pair: Callable | None = None
+    if not isinstance(event.daughters, Daughters) and callable(event.daughters):
+        of_pair = event.daughters
+    name = getattr(event.daughters, "name", getattr(of_pair, "__name__", "daughters"))
+    # Pairs that never meet get an empty row.
+    first_cell = np.searchsorted(grid.size_of_cell, np.arange(grid.sizes))
+    meets = np.add.reduceat(np.add.reduceat(weight, first_cell, axis=0), first_cell, axis=1) > 0
+    cached: dict = {}
+    empty = np.zeros(0, int)
+    for i, j in zip(low_size, high_size):
+        if not meets[i, j]:
+            rows.add_block(empty[None], np.zeros((1, 0)), np.zeros((1, 0)))
+            continue
+        parents = size_mass[i] + size_mass[j]
+        if of_pair is not None:
+            mass, number = of_pair(*(size_mass[s] if two else size_mass[s, 0] for s in (i, j)))
+            placed = _placed_pieces(grid, mass, number, parents, averaged, closed, name)
+        else:
+            key = float(parents[0])
+            if key not in cached:
+                cached[key] = _place_fragments(grid, as_daughters(event.daughters), key, averaged, closed)
+            placed = cached[key]
+        rows.add_dense(*placed, offset, parents, name)
+
+
+def _placed_pieces(grid, mass, number, parents, averaged, closed, name):
+    mass = np.asarray(mass, float).reshape(-1, len(parents))
+    number = np.asarray(number, float).ravel()
+    total = number @ mass
+    if np.any(~np.isfinite(number)) or np.any(number < 0):
+        raise KernelError(f"daughters {name}: negative or not finite for parents of {parents}")
+    if np.any(np.abs(total - parents) > 1e-9 * parents.sum()):
+        raise KernelError(
+            f"daughters {name}: fragments weigh {total}, parents {parents}; mass must be conserved"
+        )
+    if isinstance(grid, TwoComponentGrid):
+        slot, share, _ = grid.corners(mass)
+        placed = np.bincount(slot.ravel(), (share * number[:, None]).ravel(), grid.cells + 3)
+        return placed, np.zeros_like(placed)
+    return grid.place(mass, number * (parents[0] / total[0]), averaged, closed)
+
+
+def _first_order(grid, events, offset_of, averaged, closed) -> compiled.FirstOrder:
+    """Several laws of breakage add to one rate with the mixture of their daughters."""
+    rates = [evaluate_rate(e.rate, grid.state) for e in events]
+    total = np.sum(rates, axis=0)
+    rows = _Rows(grid, averaged, closed)
+    two = isinstance(grid, TwoComponentGrid)
+    offsets = [offset_of(e.shape) for e in events]
+    for k in range(grid.cells):
+        parents = grid.masses[k]
+        slot, number, carried = [np.zeros(0, int)], [np.zeros(0)], [np.zeros(0)]
+        for event, rate, offset in zip(events, rates, offsets):
+            if rate[k] == 0:
+                continue
+            if two:
+                mass, pieces = event.daughters(parents)
+                name = getattr(event.daughters, "__name__", "daughters")
+                n, m = _placed_pieces(grid, mass, pieces, parents, averaged, closed, name)
+            else:
+                n, m = _place_fragments(
+                    grid, as_daughters(event.daughters), float(parents[0]), averaged, closed
+                )
+            keep = np.flatnonzero((n != 0) | (m != 0))
+            name = getattr(event.daughters, "name", "daughters")
+            rows.check(keep[None], n[keep][None], m[keep][None], parents[None], name)
+            slot.append(keep + offset)
+            number.append(n[keep] * rate[k] / total[k])
+            carried.append(m[keep] * rate[k] / total[k])
+        rows.add_block(
+            np.concatenate(slot)[None], np.concatenate(number)[None], np.concatenate(carried)[None]
+        )
+    return compiled.FirstOrder(total, rows.finish())
+
+
+def _restructuring(grid, event: Restructuring) -> compiled.Restructuring:
+    if not isinstance(grid, Grid) or grid.shapes == 1:
+        raise PBEError("Restructuring needs a grid with shapes")
+    rate = evaluate(as_kernel(event.kernel), grid.state)
+    groups = [0, grid.cells] if event.partner_start is None else list(event.partner_start) + [grid.cells]
+    if event.partner_start is not None and event.partner_start[-1] == grid.cells:
+        groups = list(event.partner_start)
+    transition = np.asarray(event.transition, float)
+    if transition.shape == (grid.shapes, grid.shapes):
+        transition = transition[np.maximum(grid.shape_of_cell, 0)]
+    if transition.ndim == 2:
+        transition = transition[None]
+    if transition.shape != (len(groups) - 1, grid.cells, grid.shapes):
+        raise PBEError(f"Restructuring: transition must be (groups, cells, shapes), got {transition.shape}")
+    transition = transition.copy()
+    single = grid.shape_of_cell < 0
+    transition[:, single] = 0.0
+    transition[:, single, 0] = 1.0
+    total = transition.sum(axis=2, keepdims=True)
+    if np.any(transition < 0) or np.any(np.abs(total - 1) > 1e-9):
+        raise KernelError("Restructuring: transition rows must be non-negative and add to one")
+    first_cell = np.searchsorted(grid.size_of_cell, grid.size_of_cell).astype(np.int64)
+    shapes = np.bincount(grid.size_of_cell)[grid.size_of_cell].astype(np.int64)
+    return compiled.Restructuring(rate, np.asarray(groups, np.int64), first_cell, shapes, transition / total)

@@ -1,0 +1,265 @@
+"""Aggregation kernels K(i, j) [volume / time], with their exact solutions beside them where one is known.
+
+Effects multiply: an encounter kernel times an efficiency is a kernel.  `dn_k/dt = 1/2 sum K_ij n_i n_j ...` over
+ordered pairs, so K_ij is the rate at which one i meets one j in unit volume.
+"""
+
+from __future__ import annotations
+
+import inspect
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from pbekit.balance.grid import Cells
+from pbekit.errors import KernelError, RangeWarning
+
+
+class Kernel:
+    """A rate (or a probability) for two aggregates; `kernel(i, j)` with `Cells` that broadcast."""
+
+    def __call__(self, i: Cells, j: Cells) -> np.ndarray:
+        raise NotImplementedError
+
+    def __mul__(self, other) -> Kernel:
+        return Times(self, as_kernel(other))
+
+    __rmul__ = __mul__
+
+    @property
+    def name(self) -> str:
+        return type(self).__name__
+
+
+@dataclass(frozen=True)
+class Times(Kernel):
+    """The product of two: encounter rate times efficiency."""
+
+    first: Kernel
+    second: Kernel
+
+    def __call__(self, i, j):
+        return self.first(i, j) * self.second(i, j)
+
+    @property
+    def name(self):
+        return f"{self.first.name} * {self.second.name}"
+
+
+@dataclass(frozen=True)
+class FromFunction(Kernel):
+    """A user's plain function of two masses, or of two masses and two shapes, arrays that broadcast."""
+
+    function: Callable
+
+    def __call__(self, i, j):
+        wanted = len(inspect.signature(self.function).parameters)
+        if wanted == 2:
+            return self.function(i.mass, j.mass)
+        if wanted == 4:
+            return self.function(i.mass, j.mass, i.shape, j.shape)
+        raise KernelError(
+            f"kernel {self.name}: takes {wanted} arguments, expected (mass_i, mass_j) or "
+            "(mass_i, mass_j, shape_i, shape_j)"
+        )
+
+    @property
+    def name(self):
+        return getattr(self.function, "__name__", repr(self.function))
+
+
+@dataclass(frozen=True, eq=False)
+class FromArray(Kernel):
+    """A user's table, one row and one column per cell of the grid."""
+
+    values: np.ndarray  # (K, K)
+    name: str = "array"
+
+    def __call__(self, i, j):
+        values = np.asarray(self.values, float)
+        shape = np.broadcast_shapes(i.mass.shape, j.mass.shape)
+        if values.shape != shape:
+            raise KernelError(
+                f"kernel {self.name}: array is {values.shape}, but the grid has {shape[0]} cells"
+            )
+        return values
+
+
+def as_kernel(kernel) -> Kernel:
+    """What a user brings (a Kernel, a number, a function, an array) as a Kernel."""
+    if isinstance(kernel, Kernel):
+        return kernel
+    if isinstance(kernel, (int, float)):
+        return Constant(float(kernel))
+    if callable(kernel):
+        return FromFunction(kernel)
+    return FromArray(np.asarray(kernel, float))
+
+
+def evaluate(kernel: Kernel, cells: Cells) -> np.ndarray:
+    """(K, K) kernel over all pairs of cells, refused if negative, not finite or not symmetric."""
+    column = Cells(*(c[:, None] for c in cells))
+    row = Cells(*(c[None, :] for c in cells))
+    values = np.broadcast_to(np.asarray(kernel(column, row), float), (cells.mass.size,) * 2)
+
+    def refuse(bad, what):
+        a, b = np.argwhere(bad)[0]
+        pair = f"masses {cells.mass[a]:g} and {cells.mass[b]:g} (cells {a}, {b})"
+        raise KernelError(f"kernel {kernel.name}: {what} for {pair}: {values[a, b]:g}")
+
+    if np.any(~np.isfinite(values)):
+        refuse(~np.isfinite(values), "not finite")
+    if np.any(values < 0):
+        refuse(values < 0, "negative")
+    skew = np.abs(values - values.T) > 1e-10 * np.maximum(values, values.T)
+    if np.any(skew):
+        a, b = np.argwhere(skew)[0]
+        refuse(skew, f"not symmetric (the other way round {values[b, a]:g})")
+    return 0.5 * (values + values.T)
+
+
+# -- kernels with exact solutions ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Constant(Kernel):
+    """K(i, j) = K (Smoluchowski 1917)."""
+
+    rate: float
+
+    def __call__(self, i, j):
+        return np.full(np.broadcast_shapes(i.mass.shape, j.mass.shape), self.rate)
+
+    def exact_discrete(self, size: np.ndarray, time: float, number: float) -> np.ndarray:
+        """n_k from `number` monomers (Smoluchowski 1917): N0 T^(k-1)/(1+T)^(k+1), T = K N0 t/2."""
+        k, t = np.asarray(size, float), 0.5 * self.rate * number * time
+        return number * np.exp((k - 1) * np.log(t) - (k + 1) * np.log1p(t)) if t > 0 else number * (k == 1)
+
+    def exact_cumulative(self, time: float, number: float, mean: float):
+        """(number below v, mass below v) from number/mean exp(-v/mean) (Schumann 1940): an exponential for ever."""
+        now = number / (1 + 0.5 * self.rate * number * time)
+        return exponential_below(now, number * mean / now)
+
+
+@dataclass(frozen=True)
+class Sum(Kernel):
+    """K(i, j) = b (m_i + m_j) (Golovin 1963)."""
+
+    rate: float
+
+    def __call__(self, i, j):
+        return self.rate * (i.mass + j.mass)
+
+    def exact_discrete(self, size, time, number):
+        """n_k from monomers of mass 1: N0 (1-phi) (k phi)^(k-1) exp(-k phi)/k!, phi = 1 - exp(-b N0 t) (Golovin)."""
+        k, phi = np.asarray(size, float), -np.expm1(-self.rate * number * time)
+        if phi == 0:
+            return number * (k == 1)
+        return number * (1 - phi) * np.exp((k - 1) * np.log(k * phi) - k * phi - special.gammaln(k + 1))
+
+    def exact_density(self, volume, time, number, mean):
+        """n(v) from number/mean exp(-v/mean) (Golovin 1963, Scott 1968)."""
+        v, tau = np.asarray(volume, float), -np.expm1(-self.rate * number * mean * time)
+        z = 2 * v * np.sqrt(tau) / mean
+        return number * (1 - tau) / (v * np.sqrt(tau)) * special.ive(1, z) * np.exp(z - (1 + tau) * v / mean)
+
+    def exact_moments(self, time, number, mean):
+        """(M0, M1, M2) from the exponential."""
+        grown = np.exp(self.rate * number * mean * time)
+        return number / grown, number * mean, 2 * number * mean**2 * grown**2
+
+
+@dataclass(frozen=True)
+class Product(Kernel):
+    """K(i, j) = c m_i m_j (Flory 1941, Stockmayer 1943): gels when c M2(0) t = 1."""
+
+    rate: float
+
+    def __call__(self, i, j):
+        return self.rate * i.mass * j.mass
+
+    def exact_discrete(self, size, time, number):
+        """n_k from monomers of mass 1, before the gel point s = K N0 t < 1 (McLeod 1962)."""
+        k, s = np.asarray(size, float), self.rate * number * time
+        if s >= 1:
+            raise KernelError(f"Product: exact solution asked at s = {s:g}, past the gel point s = 1")
+        if s == 0:
+            return number * (k == 1)
+        return number * np.exp((k - 2) * np.log(k) + (k - 1) * np.log(s) - k * s - special.gammaln(k + 1))
+
+
+def exponential_below(number: float, mean: float):
+    """Cumulative number and mass of number/mean exp(-v/mean), as functions of v."""
+
+    def number_below(v):
+        return -number * np.expm1(-np.asarray(v, float) / mean)
+
+    def mass_below(v):
+        x = np.asarray(v, float) / mean
+        return number * mean * special.gammainc(2, x)
+
+    return number_below, mass_below
+
+
+# -- shear ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ShearEncounter(Kernel):
+    """f_ij = (4/3) g (R_i + R_j)^3: rate of encounters in simple shear (Smoluchowski 1917; the paper's Eq. 1).
+
+    Times the probability that an encounter ends in aggregation it is an aggregation kernel; alone it is Smoluchowski's,
+    where every encounter of straight trajectories sticks.  Needs a grid with outer radii.
+    """
+
+    shear_rate: float  # g [1/s]
+
+    def __call__(self, i, j):
+        if np.any(np.isnan(i.outer_radius)):
+            raise KernelError("ShearEncounter: the grid has no outer radii; use grid.with_outer_radius(...)")
+        return 4 / 3 * self.shear_rate * (i.outer_radius + j.outer_radius) ** 3
+
+
+SmoluchowskiShear = ShearEncounter
+
+
+@dataclass(frozen=True)
+class ExtensionEncounter(Kernel):
+    """4 pi/(3 sqrt 3) e (R_i + R_j)^3: flux into the sphere of contact in uniaxial extension (Zeichner & Schowalter 1977)."""
+
+    extension_rate: float  # e [1/s]
+
+    def __call__(self, i, j):
+        if np.any(np.isnan(i.outer_radius)):
+            raise KernelError(
+                "ExtensionEncounter: the grid has no outer radii; use grid.with_outer_radius(...)"
+            )
+        return 4 * np.pi / (3 * np.sqrt(3)) * self.extension_rate * (i.outer_radius + j.outer_radius) ** 3
+
+
+@dataclass(frozen=True)
+class FractalRadius:
+    """R = a (P / k)^(1/d), never below the sphere (P = 1) and the touching pair (P = 2, R = 2a).
+
+    prefactor, dimension : k_o and d_o of P = k_o (R/a)^d_o; dimensions outside 1 ... 3 are of no body and warned of
+    """
+
+    radius: float  # a [m]
+    prefactor: float = 1.0
+    dimension: float = 2.0
+
+    def __post_init__(self):
+        if not 1 <= self.dimension <= 3:
+            warnings.warn(
+                f"FractalRadius: dimension = {self.dimension:g} is outside 1 ... 3",
+                RangeWarning,
+                stacklevel=3,
+            )
+
+    def __call__(self, mass):
+        p = np.asarray(mass, float)
+        law = (p / self.prefactor) ** (1 / self.dimension)
+        return self.radius * np.where(p == 1, 1.0, np.where(p == 2, 2.0, np.maximum(law, 1.0)))

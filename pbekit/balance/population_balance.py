@@ -1,0 +1,82 @@
+"""A population balance: a grid, the events that happen on it, and how products are put on pivots."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pbekit.balance import right_hand_side as compiled
+from pbekit.balance.encounters import Event, assemble
+from pbekit.balance.grid import Grid, TwoComponentGrid
+from pbekit.errors import PBEError
+
+SCHEMES = ("fixed pivot", "cell average")
+EDGES = ("overflow", "closed")
+
+
+class PopulationBalance:
+    """dn/dt of the state (n_1 ... n_K, overflow number, overflow mass(es)).
+
+    scheme : "fixed pivot" is bilinear, with exact Jacobian and sensitivities; "cell average" is 3 to 60 times better
+        in the second moment per cell, and bilinear between kinks only
+    edge : "overflow": products beyond the last pivot leave into the explicit overflow; "closed": they are put
+        on the last pivot with their mass, not their number, so that a steady state exists; `edge_flux` says how much
+    """
+
+    def __init__(
+        self, grid: Grid | TwoComponentGrid, events: list[Event], scheme="fixed pivot", edge="overflow"
+    ):
+        if scheme not in SCHEMES:
+            raise PBEError(f"scheme: got {scheme!r}, expected one of {SCHEMES}")
+        if edge not in EDGES:
+            raise PBEError(f"edge: got {edge!r}, expected one of {EDGES}")
+        self.grid, self.events, self.scheme, self.edge = grid, list(events), scheme, edge
+        self.averaged = scheme == "cell average"
+        self.arrays = assemble(grid, self.events, self.averaged, edge == "closed")
+
+    @property
+    def cells(self) -> int:
+        return self.grid.cells
+
+    @property
+    def tail(self) -> int:
+        return self.arrays.geometry.tail
+
+    @property
+    def conserved(self) -> np.ndarray:
+        """(K + tail, M) weights of the state whose sums are the conserved masses, overflow included."""
+        masses = self.grid.masses
+        return np.concatenate([masses, np.zeros((1, masses.shape[1])), np.eye(masses.shape[1])])
+
+    def state(self, population) -> np.ndarray:
+        """(K + tail,) a population with an empty overflow."""
+        population = np.asarray(population, float)
+        if population.shape == (self.cells + self.tail,):
+            return population.copy()
+        if population.shape != (self.cells,):
+            raise PBEError(f"population: got shape {population.shape}, expected ({self.cells},)")
+        if np.any(~np.isfinite(population)) or np.any(population < 0):
+            raise PBEError("population: numbers must be finite and non-negative")
+        return np.concatenate([population, np.zeros(self.tail)])
+
+    def rhs(self, time: float, state: np.ndarray) -> np.ndarray:
+        out = np.empty(state.size)
+        a = self.arrays
+        compiled.right_hand_side(
+            state, a.geometry, a.encounters, a.first_order, a.restructuring, self.averaged, out
+        )
+        return out
+
+    def jacobian(self, time: float, state: np.ndarray) -> np.ndarray:
+        a = self.arrays
+        return compiled.jacobian_transposed(
+            state, a.geometry, a.encounters, a.first_order, a.restructuring, self.averaged
+        ).T
+
+    def edge_flux(self, population: np.ndarray) -> float:
+        """Mass that products beyond the last pivot carry, over the mass of all products, per unit time."""
+        open_edge = PopulationBalance(self.grid, self.events, self.scheme)
+        state = open_edge.state(population)
+        gained = open_edge.rhs(0.0, state)[self.cells + 1 :].sum()
+        jacobian = open_edge.jacobian(0.0, state)
+        passing = np.abs(np.diag(jacobian))[: self.cells] * state[: self.cells] @ self.grid.mass
+        return gained / passing

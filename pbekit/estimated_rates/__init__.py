@@ -1,0 +1,1 @@
+"""Rates of aggregation, breakup and restructuring estimated from tables of encounters."""

@@ -1,0 +1,591 @@
+"""From tabulated encounters to the rates of a balance.
+
+Everything here is a function of one weight per encounter.  Weights of one give the mean; weights drawn from the
+exponential distribution give a draw of the posterior (the Bayesian bootstrap, Rubin 1981), in which outcomes of a pair
+of classes are Dirichlet and every draw is physical: probabilities add to one, products have exactly their parents' mass.
+Encounters that shape several rates at once keep them consistent within a draw.
+
+Where little was sampled a law takes over, with the uncertainty of few data:
+outcomes    per pair of classes, with a fitted multinomial logistic law of both sizes and shapes as prior, of as many
+            pseudo-encounters as the classes' scatter about the law asks for (or the law alone: outcomes="smooth");
+fragments   of the nearest scattered encounters in total size and size ratio, scaled to the pair at hand;
+shapes      of the nearest products in size, with their spread over all sizes as prior;
+radii       R/(a P^(1/2)) of the nearest aggregates in size, of the same shape.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy import optimize, sparse, special
+
+from pbekit.balance.encounters import (
+    Aggregation,
+    CollisionalBreakup,
+    Event,
+    PairRows,
+    Restructuring,
+    ShapeMemory,
+)
+from pbekit.balance.grid import Grid
+from pbekit.balance.population_balance import PopulationBalance
+from pbekit.errors import PBEError
+from pbekit.tables.kernel_table import SCATTERED, KernelTable, kind_of
+
+SURVIVE, JOIN, SCATTER = range(3)
+NEIGHBOURS = 40
+"""Encounters that a local average of fragments, shapes or radii rests on, where exact matches are fewer."""
+MOST_NEIGHBOURS = 400
+STRONGEST_PRIOR = 20.0
+"""Pseudo-encounters that the law may stand for in a pair of classes.  Classes cannot tell a law's small faults from their
+own noise, but the balance adds them up over all pairs: where there are data, data decide."""
+SHAPE_PRIOR = 1.0
+"""Pseudo-counts of a row of shapes."""
+
+
+def grid_for(table: KernelTable, exact_to: int = 32, largest: int | None = None, shapes="table") -> Grid:
+    """A grid for a table: its shape classes, sizes to twice the largest seen.
+
+    shapes : "table", None for one mean shape per size, or boundaries
+    """
+    seen = int(table.records.size.max()) if len(table.records) else 1
+    grid = Grid.primaries(exact_to, largest=2 * seen if largest is None else largest)
+    edges = table.shape_edges if isinstance(shapes, str) else shapes
+    return grid if edges is None else grid.with_shapes(edges, table.shape_name)
+
+
+def start_of(grid: Grid, table: KernelTable, volume_fraction: float | None = None) -> np.ndarray:
+    """(K,) free primaries at the volume fraction of the table's scene [1/m^3]."""
+    phi = table.about.get("volume_fraction") if volume_fraction is None else volume_fraction
+    if phi is None:
+        raise PBEError("the table does not say its volume fraction; give one")
+    return grid.monodisperse(float(phi) / (4 / 3 * np.pi * table.radius**3))
+
+
+@dataclass(frozen=True)
+class LogisticLaw:
+    """ln(p_k/p_0) = polynomial in ln sizes and shapes, symmetric in the two; ridge prior, Laplace posterior.
+
+    coefficients : (kinds - 1, features); covariance : of the flattened coefficients
+    """
+
+    coefficients: np.ndarray
+    covariance: np.ndarray
+    centre: np.ndarray
+    scale: np.ndarray
+
+    @staticmethod
+    def features(size_i, size_j, shape_i, shape_j) -> np.ndarray:
+        """(..., features) from sizes and shapes (nan where there is only one) of both."""
+        size_i, size_j = np.log(size_i), np.log(size_j)
+        total = np.log(np.exp(size_i) + np.exp(size_j))
+        unlike = np.abs(size_i - size_j)
+        mean = 0.5 * (size_i + size_j)
+        s_i, s_j = np.nan_to_num(np.log(shape_i)), np.nan_to_num(np.log(shape_j))
+        shape, diff = s_i + s_j, np.abs(s_i - s_j)
+        return np.stack(
+            [total, total**2, unlike, unlike**2, mean * unlike, shape, diff, shape * total], axis=-1
+        )
+
+    @classmethod
+    def fit(cls, features: np.ndarray, kind: np.ndarray, kinds: int = 3) -> LogisticLaw:
+        """Posterior mode by Newton's method."""
+        centre = features.mean(axis=0)
+        scale = np.where(features.std(axis=0) > 1e-9, features.std(axis=0), 1.0)
+        x = np.concatenate([np.ones((len(features), 1)), (features - centre) / scale], axis=1)
+        one = np.eye(kinds)[kind][:, 1:]
+        m = x.shape[1]
+        ridge = np.tile(np.r_[1 / 25, np.ones(m - 1) / 4], kinds - 1)
+
+        @lru_cache(maxsize=2)
+        def probabilities(point: bytes):
+            """Probabilities (n, kinds - 1), the logarithm of their norm (n,) and what they are the softmax of."""
+            logit = x @ np.frombuffer(point).reshape(kinds - 1, m).T
+            highest = np.maximum(logit.max(axis=1), 0.0)
+            p = np.exp(logit - highest[:, None])
+            norm = np.exp(-highest) + p.sum(axis=1)
+            return p / norm[:, None], np.log(norm) + highest, logit
+
+        def objective(flat):
+            p, norm, logit = probabilities(flat.tobytes())
+            value = norm.sum() - (one * logit).sum() + 0.5 * (ridge * flat**2).sum()
+            return value, (x.T @ (p - one)).T.ravel() + ridge * flat
+
+        def hessian(flat):
+            p, _, _ = probabilities(flat.tobytes())
+            found = np.diag(ridge)
+            for a, b in itertools.combinations_with_replacement(range(kinds - 1), 2):
+                block = x.T @ (x * (p[:, a] * ((a == b) - p[:, b]))[:, None])
+                found[a * m : (a + 1) * m, b * m : (b + 1) * m] += block
+                if a != b:
+                    found[b * m : (b + 1) * m, a * m : (a + 1) * m] += block
+            return found
+
+        start = np.zeros((kinds - 1) * m)
+        found = optimize.minimize(objective, start, jac=True, hess=hessian, method="trust-exact", tol=1e-8)
+        return cls(found.x.reshape(kinds - 1, m), np.linalg.inv(hessian(found.x)), centre, scale)
+
+    def expected(self, features: np.ndarray) -> np.ndarray:
+        """(..., kinds) posterior mean of the probabilities: where little is known it is not that of the mode.
+
+        Over 16 draws in pairs of opposite sign about the mode.
+        """
+        rng = np.random.default_rng(0)
+        root = np.linalg.cholesky(self.covariance)
+        total: np.ndarray | float = 0.0
+        for _ in range(8):
+            step = (root @ rng.standard_normal(len(root))).reshape(self.coefficients.shape)
+            for sign in (1, -1):
+                law = LogisticLaw(self.coefficients + sign * step, self.covariance, self.centre, self.scale)
+                total = total + law(features) / 16
+        return np.asarray(total)
+
+    def drawn(self, rng: np.random.Generator) -> LogisticLaw:
+        """The law with coefficients drawn from the posterior."""
+        flat = rng.multivariate_normal(self.coefficients.ravel(), self.covariance, method="cholesky")
+        return LogisticLaw(flat.reshape(self.coefficients.shape), self.covariance, self.centre, self.scale)
+
+    def __call__(self, features: np.ndarray) -> np.ndarray:
+        """(..., kinds) probabilities."""
+        x = (features - self.centre) / self.scale
+        logit = np.einsum("...f,kf->...k", x, self.coefficients[:, 1:]) + self.coefficients[:, 0]
+        return special.softmax(np.concatenate([np.zeros((*logit.shape[:-1], 1)), logit], axis=-1), axis=-1)
+
+
+def nearest(targets: np.ndarray, samples: np.ndarray, scale: np.ndarray, within=None) -> sparse.csr_array:
+    """(targets, samples) weights of a local average, Gaussian in the scaled distance.
+
+    The width is such that about NEIGHBOURS samples count; where that many match exactly, only these count.
+    targets (t, d), samples (n, d), scale (d,); within : (t, n) -> only samples allowed, as a function of the target
+    """
+    rows = []
+    for t, target in enumerate(targets):
+        allowed = np.arange(len(samples)) if within is None else within(t)
+        if allowed.size == 0:
+            rows.append((np.zeros(0, int), np.zeros(0)))
+            continue
+        d = np.sqrt((((samples[allowed] - target) / scale) ** 2).sum(axis=1))
+        count = min(len(d), MOST_NEIGHBOURS)
+        exact = np.flatnonzero(d < 1e-9)
+        if exact.size >= NEIGHBOURS:
+            rows.append((allowed[exact], np.ones(exact.size)))
+            continue
+        near = np.argpartition(d, count - 1)[:count]
+        width = max(np.partition(d[near], min(NEIGHBOURS, count) - 1)[min(NEIGHBOURS, count) - 1] / 1.5, 1e-6)
+        weight = np.exp(-0.5 * (np.minimum(d[near] / width, 30)) ** 2)
+        keep = weight > 1e-6
+        rows.append((allowed[near[keep]], weight[keep]))
+    columns = np.concatenate([r[0] for r in rows]) if rows else np.zeros(0, int)
+    data = np.concatenate([r[1] for r in rows]) if rows else np.zeros(0)
+    start = np.concatenate([[0], np.cumsum([len(r[0]) for r in rows])])
+    return sparse.csr_array((data, columns, start), shape=(len(targets), len(samples)))
+
+
+class Rates(NamedTuple):
+    """What a balance takes from a table of encounters, on the cells of its grid.
+
+    encounters : (K, K) [m^3/s] f_ij;  outcomes : (K, K, 3) probability to survive, join, scatter
+    fragments : (pairs of sizes, S + 2) expected products of a scattering pair, as `PairRows`
+    radius_moments : (3, K) means of R, R^2, R^3 [m, m^2, m^3]
+    joined, broken, transitions : shapes of products of aggregation and breakup, and of survivors (groups of partners, K,
+        shapes); None where sizes have one shape only
+    """
+
+    encounters: np.ndarray
+    outcomes: np.ndarray
+    fragments: np.ndarray
+    radius_moments: np.ndarray
+    joined: np.ndarray | ShapeMemory | None
+    broken: np.ndarray | None
+    transitions: np.ndarray | None
+
+    def balance(self, grid: Grid, partner_start: np.ndarray, scheme: str, edge: str) -> PopulationBalance:
+        """The balance of these events."""
+        join, scatter = (
+            self.encounters * self.outcomes[..., JOIN],
+            self.encounters * self.outcomes[..., SCATTER],
+        )
+        events: list[Event] = []
+        if self.transitions is not None:
+            survive = self.encounters * self.outcomes[..., SURVIVE]
+            events.append(Restructuring(survive, self.transitions, partner_start))
+        events += [
+            Aggregation(join, self.joined),
+            CollisionalBreakup(scatter, PairRows(self.fragments, "fragments of encounters"), self.broken),
+        ]
+        return PopulationBalance(grid.with_outer_radius(self.radius_moments[0]), events, scheme, edge)
+
+
+class Closure:
+    """A table on a grid.
+
+    outcomes : "table" (classes, with the law as prior) or "smooth" (the law alone)
+    memory : whether the shape of an aggregation product remembers the shape of the larger parent
+    partners : first sizes of the groups of partners whose encounters reshape survivors differently
+    """
+
+    def __init__(
+        self,
+        table: KernelTable,
+        grid: Grid,
+        outcomes: str = "table",
+        memory: bool = True,
+        partners: tuple[int, ...] = (1, 3, 10),
+        edge: str = "closed",
+    ):
+        if outcomes not in ("table", "smooth"):
+            raise PBEError(f'outcomes: got {outcomes!r}, expected "table" or "smooth"')
+        if not grid.discrete:
+            raise PBEError("a table of encounters needs a grid of whole primaries (Grid.primaries)")
+        if grid.shapes > 1 and grid.shape_name != table.shape_name:
+            raise PBEError(f"grid has shapes by {grid.shape_name}, the table by {table.shape_name}")
+        self.grid, self.edge, self.smooth, self.memory = (
+            grid,
+            edge,
+            outcomes == "smooth",
+            memory and grid.shapes > 1,
+        )
+        kind = kind_of(table.records.outcome)
+        self.unresolved = float(np.mean(kind < 0)) if len(kind) else 0.0
+        resolved = table.records.select(kind >= 0)
+        if len(resolved) == 0:
+            raise PBEError("the table holds no resolved encounters")
+        self.table = table.with_records(resolved)
+        self.records = resolved
+        self.kind = kind_of(resolved.outcome)
+        self.partners = partners
+        self.partner_start = np.array([0, grid.cells])
+        self._prepare_outcomes()
+        self._prepare_fragments()
+        self._prepare_radii()
+        if grid.shapes > 1:
+            self._prepare_shapes()
+
+    # -- outcomes -------------------------------------------------------------------------------------------------
+
+    def _prepare_outcomes(self):
+        table, grid, r = self.table, self.grid, self.records
+        shape = r.shape(table.shape_name, table.radius)
+        single = (r.size <= 2) | (grid.shapes == 1)
+        shape = np.where(single, np.nan, shape)
+        self.law = LogisticLaw.fit(LogisticLaw.features(*r.size.T, *shape.T), self.kind)
+        own = np.where(grid.shape_of_cell < 0, np.nan, grid.shape)
+        self._cell_features = LogisticLaw.features(
+            grid.mass[:, None], grid.mass[None], own[:, None], own[None]
+        )
+        # A class is represented to the law by the mean features of its encounters, or by its middle.
+        low, high = table.size_edges[table.class_size], table.size_edges[table.class_size + 1] - 1
+        size = np.sqrt(low * np.maximum(high, low))
+        middle = np.full(table.classes, np.nan)
+        if table.shape_edges is not None and grid.shapes > 1:
+            edges = table.shape_edges
+            middle = np.where(
+                table.class_shape < 0, np.nan, 0.5 * (edges[1:] + edges[:-1])[table.class_shape]
+            )
+        b, a = np.tril_indices(table.classes)
+        self._class_features = LogisticLaw.features(size[a], size[b], middle[a], middle[b])
+        features = LogisticLaw.features(*r.size.T, *shape.T)
+        seen = np.bincount(table.pair, minlength=table.pairs)
+        for f in range(features.shape[1]):
+            mean = np.bincount(table.pair, features[:, f], table.pairs) / np.maximum(seen, 1)
+            self._class_features[:, f] = np.where(seen > 0, mean, self._class_features[:, f])
+        self.trials = seen
+        self.strength = self._prior_strength(
+            np.bincount(table.pair * 3 + self.kind, minlength=3 * table.pairs)
+        )
+        shape_of_cell = np.where(grid.shape_of_cell < 0, np.nan, grid.shape)
+        cell_class = table.class_of(grid.mass, shape_of_cell)
+        low_class, high_class = (f(cell_class[:, None], cell_class[None]) for f in (np.minimum, np.maximum))
+        self.cell_pair = high_class * (high_class + 1) // 2 + low_class
+        beyond = grid.mass > r.size.max()
+        self.extrapolated = (seen[self.cell_pair] == 0) | beyond[:, None] | beyond[None]
+
+    def _prior_strength(self, counts) -> float:
+        """Pseudo-encounters of the law per pair of classes, by the marginal likelihood of the classes' counts."""
+        counts = counts.reshape(-1, 3)
+        law = np.maximum(self.law(self._class_features), 1e-12)
+        used = counts.sum(axis=1) > 0
+
+        def misfit(log_strength):
+            alpha = np.exp(log_strength) * law[used]
+            n, total = counts[used].sum(axis=1), alpha.sum(axis=1)
+            value = special.gammaln(total) - special.gammaln(n + total)
+            value += (special.gammaln(counts[used] + alpha) - special.gammaln(alpha)).sum(axis=1)
+            return -value.sum()
+
+        return float(
+            np.exp(
+                optimize.minimize_scalar(misfit, bounds=(0.0, np.log(STRONGEST_PRIOR)), method="bounded").x
+            )
+        )
+
+    def probabilities(self, weight: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:
+        """(pairs of classes, 3) or, smooth, (K, K, 3): survive, join, scatter."""
+        law = self.law.expected if rng is None else self.law.drawn(rng)
+        if self.smooth:
+            return law(self._cell_features)
+        prior = self.strength * np.maximum(law(self._class_features), 1e-12)
+        prior = prior if rng is None else rng.standard_gamma(prior)
+        counts = np.bincount(self.table.pair * 3 + self.kind, weight, 3 * self.table.pairs).reshape(-1, 3)
+        total = counts + prior
+        return total / total.sum(axis=1, keepdims=True)
+
+    # -- fragments ------------------------------------------------------------------------------------------------
+
+    def _prepare_fragments(self):
+        grid, r = self.grid, self.records
+        self.scattered = np.flatnonzero(np.isin(r.outcome, SCATTERED))
+        high, low = np.tril_indices(grid.sizes)
+        total = grid.pivots[low] + grid.pivots[high]
+        events = self.scattered
+        before = r.size[events].sum(axis=1).astype(float)
+        scale = np.array([0.25, 0.15])
+        targets = np.stack([np.log(total), grid.pivots[low] / total], axis=1)
+        samples = np.stack([np.log(before), r.size[events].min(axis=1) / before], axis=1)
+        width = grid.sizes + 2
+        if events.size == 0:
+            self._fragments = self._no_fragments(total)
+            return
+        near = nearest(targets, samples, scale)
+        # Every fragment of every near event, scaled to the pair: monomers and dimers stay what they are.
+        pair = np.repeat(np.arange(len(total)), np.diff(near.indptr))
+        event = near.indices
+        start = np.concatenate([[0], np.cumsum(r.products)])
+        pieces = r.products[events][event]
+        entry = np.repeat(np.arange(len(event)), pieces)
+        product = start[events[event]][entry] + (
+            np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        )
+        size = r.product_size[product].astype(float)
+        small = size <= 2
+        light = np.bincount(entry, size * small, len(event))
+        heavy = np.bincount(entry, size * ~small, len(event))
+        room = total[pair] - light
+        fits = (heavy > 0) & (room >= 3)
+        factor = np.where(fits, room / np.maximum(heavy, 1), 1.0)
+        scaled = np.where(small, size, size * factor[entry])
+        # If only monomers and dimers came out, or there is no room for more, their numbers are scaled instead.
+        number = np.where(fits, 1.0, total[pair] / before[event])[entry]
+        slot, share, _ = grid.corners(scaled, closed=self.edge == "closed")
+        at = pair[entry][:, None] * width + slot
+        number = (share * number[:, None]) * near.data[entry][:, None]
+        columns = np.broadcast_to(event[entry][:, None], at.shape)
+        self._fragments = sparse.csr_array(
+            (number.ravel(), (at.ravel(), columns.ravel())), shape=(len(total) * width, events.size)
+        )
+        self._fragment_norm = near
+
+    def _no_fragments(self, total):
+        """Nothing was seen to break: should the prior's rare breakup occur, any split is equally likely."""
+        from pbekit.balance.breakage import Uniform
+
+        closed = self.edge == "closed"
+        rows = []
+        for parents in total:
+            size, number = Uniform().pieces(parents)
+            rows.append(self.grid.place(size, number, closed=closed)[0])
+        return np.stack(rows)
+
+    def fragment_rows(self, weight: np.ndarray) -> np.ndarray:
+        """(pairs of sizes, S + 2) expected products of a scattering pair."""
+        if self.scattered.size == 0:
+            return self._fragments
+        w = weight[self.scattered]
+        rows = (self._fragments @ w).reshape(-1, self.grid.sizes + 2)
+        return rows / (self._fragment_norm @ w)[:, None]
+
+    # -- radii ----------------------------------------------------------------------------------------------------
+
+    def _prepare_radii(self):
+        grid, r, table = self.grid, self.records, self.table
+        size, radius = r.size.ravel(), r.outer_radius.ravel()
+        shape = self._grid_shape(size, r.shape(table.shape_name, table.radius).ravel())
+        reduced = radius / (table.radius * np.sqrt(size))
+        good = np.isfinite(reduced)
+        by_shape = {
+            s: np.flatnonzero(good & ((shape == s) if s >= 0 else True)) for s in set(grid.shape_of_cell)
+        }
+        every = np.flatnonzero(good)
+
+        def within(k):
+            own = by_shape[grid.shape_of_cell[k]]
+            if grid.mass[k] <= 2:
+                own = every[size[every] == grid.mass[k]]
+            return own if own.size else every
+
+        targets, samples = np.log(grid.mass)[:, None], np.log(size)[:, None]
+        self._radii = nearest(targets, samples, np.array([0.1]), within)
+        # Encounters come in proportion to their flux, (R_i + R_j)^3; radii are wanted per aggregate.
+        flux = np.repeat(r.outer_radius.sum(axis=1) ** 3, 2)
+        self._reduced = np.nan_to_num(reduced)
+        self._per_aggregate = np.nan_to_num(np.median(flux) / flux)
+
+    def radius_moments(self, weight: np.ndarray) -> np.ndarray:
+        """(3, K) means of R, R^2, R^3 [m, m^2, m^3] of each cell."""
+        w = np.repeat(weight, 2) * self._per_aggregate
+        norm = self._radii @ w
+        length = self.table.radius * np.sqrt(self.grid.mass)
+        return np.stack([length**p * (self._radii @ (w * self._reduced**p)) / norm for p in (1, 2, 3)])
+
+    # -- shapes ---------------------------------------------------------------------------------------------------
+
+    def _grid_shape(self, size, shape) -> np.ndarray:
+        """Shape class on the grid, -1 for one and two primaries."""
+        if self.grid.shape_edges is None:
+            return np.full(np.shape(size), -1)
+        inner = self.grid.shape_edges[1:-1]
+        return np.where(
+            size <= 2, -1, np.searchsorted(inner, np.nan_to_num(shape, nan=inner[0]), side="right")
+        )
+
+    def _prepare_shapes(self):
+        grid, r, table = self.grid, self.records, self.table
+        parent = self._grid_shape(r.size, r.shape(table.shape_name, table.radius))
+        product = self._grid_shape(r.product_size, r.product_shape(table.shape_name, table.radius))
+        kind_of_product = self.kind[r.encounter_of_product]
+        larger = np.where(
+            r.size[:, 0] == r.size[:, 1], parent.max(axis=1), parent[np.arange(len(r)), r.size.argmax(axis=1)]
+        )
+        several = grid.shape_of_cell >= 0
+        pivots = np.flatnonzero(np.bincount(grid.size_of_cell, minlength=grid.sizes) > 1)
+
+        def rows(chosen, group):
+            """Local averages for each (group, size with several shapes) of the products `chosen`."""
+            samples = np.log(r.product_size[chosen])[:, None]
+            targets = np.log(grid.pivots[pivots])[:, None]
+            found = []
+            for g in np.unique(np.append(group, -2)):
+                if g > -2:
+                    own = np.flatnonzero(group == g)
+                    found.append((g, nearest(targets, samples, np.array([0.1]), lambda t, own=own: own)))
+            return chosen, product[chosen], r.encounter_of_product[chosen], dict(found)
+
+        joined = np.flatnonzero((kind_of_product == JOIN) & (product >= 0))
+        group = larger[r.encounter_of_product[joined]] if self.memory else np.zeros(joined.size, int)
+        self._joined = rows(joined, group)
+        broken = np.flatnonzero((kind_of_product == SCATTER) & (product >= 0))
+        self._broken = rows(broken, np.zeros(broken.size, int))
+        self._pivots, self._several = pivots, several
+
+        kept = (r.survivors >= 0) & (parent >= 0)
+        encounter, side = np.nonzero(kept)
+        self._kept_encounter = encounter
+        self._after = product[r.survivors[encounter, side]]
+        before, size = parent[encounter, side], r.size[encounter, side]
+        partner = r.size[encounter, 1 - side]
+        starts = [p for p in self.partners if p <= grid.pivots[-1]]
+        self.partner_start = np.array([np.argmax(grid.mass >= p) for p in starts] + [grid.cells])
+        of_partner = np.searchsorted(starts, partner, side="right") - 1
+        self._kept_near, self._kept_pool = [], []
+        cells = np.flatnonzero(several)
+        for g in range(len(starts)):
+            own = {s: np.flatnonzero((of_partner == g) & (before == s)) for s in range(grid.shapes)}
+            of_cell = [own[s] for s in grid.shape_of_cell[cells]]
+            near = nearest(
+                np.log(grid.mass[cells])[:, None],
+                np.log(size)[:, None],
+                np.array([0.1]),
+                lambda t, c=of_cell: c[t],
+            )
+            self._kept_near.append(near)
+            self._kept_pool.append(own)
+
+    def _shape_rows(self, prepared, weight, rng, group=None):
+        """(S-with-shapes, shapes) probabilities from local counts and a prior spread over all sizes."""
+        _, shape, encounter, near = prepared
+        w, shapes = weight[encounter], self.grid.shapes
+        pool = np.bincount(shape, w, shapes) + 1.0 / shapes
+        local = np.zeros((self._pivots.size, shapes))
+        if group in near:
+            for s in range(shapes):
+                local[:, s] = near[group] @ (w * (shape == s))
+        return self._posterior(local, pool / pool.sum(), rng)
+
+    @staticmethod
+    def _posterior(counts, spread, rng):
+        prior = np.broadcast_to(SHAPE_PRIOR * spread, counts.shape)
+        total = counts + (prior if rng is None else rng.standard_gamma(prior)) + 1e-300
+        return total / total.sum(axis=-1, keepdims=True)
+
+    def _share(self, rows) -> np.ndarray:
+        """(K,) from rows per size with several shapes."""
+        share = np.ones(self.grid.cells)
+        share[self._several] = rows.ravel()
+        return share
+
+    def shapes_of_products(self, weight, rng):
+        """Aggregation's (shares or ShapeMemory), scattering's shares."""
+        broken = self._share(self._shape_rows(self._broken, weight, rng, 0))
+        if not self.memory:
+            return self._share(self._shape_rows(self._joined, weight, rng, 0)), broken
+        groups = range(-1, self.grid.shapes)
+        shares = np.stack([self._share(self._shape_rows(self._joined, weight, rng, g)) for g in groups])
+        return ShapeMemory(shares, np.arange(self.grid.shapes)), broken
+
+    def transitions(self, weight, rng) -> np.ndarray:
+        """(groups of partners, K, shapes) probability of a survivor's shape after, given its cell."""
+        grid, shapes = self.grid, self.grid.shapes
+        out = np.zeros((len(self._kept_near), grid.cells, shapes))
+        out[:, :, 0] = 1.0
+        w = weight[self._kept_encounter]
+        of_cell = grid.shape_of_cell[self._several]
+        for g, near in enumerate(self._kept_near):
+            local = np.stack([near @ (w * (self._after == s)) for s in range(shapes)], axis=1)
+            pool = np.eye(shapes)
+            for s, own in self._kept_pool[g].items():
+                pool[s] += np.bincount(self._after[own], w[own], shapes)
+            pool /= pool.sum(axis=1, keepdims=True)
+            out[g, self._several] = self._posterior(local, pool[of_cell], rng)
+        return out
+
+    # -- the balance ----------------------------------------------------------------------------------------------
+
+    def weights(self, rng: np.random.Generator | None) -> np.ndarray:
+        """(n,) one for the mean, exponential for a draw."""
+        n = len(self.records)
+        return np.ones(n) if rng is None else rng.standard_exponential(n)
+
+    def encounter_rate(self, weight: np.ndarray) -> np.ndarray:
+        """(K, K) f_ij = (4/3) g <(R_i + R_j)^3> [m^3/s] (the paper's Eq. 1, averaged over each cell)."""
+        r1, r2, r3 = self.radius_moments(weight)
+        cube = r3[:, None] + 3 * r2[:, None] * r1[None] + 3 * r1[:, None] * r2[None] + r3[None]
+        return 4 / 3 * self.table.shear_rate * cube
+
+    def rates(self, rng: np.random.Generator | None = None) -> Rates:
+        """All that the balance takes from the table: the mean, or a draw."""
+        weight = self.weights(rng)
+        p = self.probabilities(weight, rng)
+        moments = self.radius_moments(weight)
+        join, broken, transitions = None, None, None
+        if self.grid.shapes > 1:
+            join, broken = self.shapes_of_products(weight, rng)
+            transitions = self.transitions(weight, rng)
+        return Rates(
+            self.encounter_rate(weight),
+            p if self.smooth else p[self.cell_pair],
+            self.fragment_rows(weight),
+            moments,
+            join,
+            broken,
+            transitions,
+        )
+
+    def balance(
+        self, rng: np.random.Generator | None = None, scheme: str = "fixed pivot"
+    ) -> PopulationBalance:
+        """The mean balance, or a draw of it."""
+        return self.rates(rng).balance(self.grid, self.partner_start, scheme, self.edge)
+
+    @cached_property
+    def mean(self) -> PopulationBalance:
+        """The balance with weights of one."""
+        return self.balance()
+
+    def extrapolated_flux(self, population: np.ndarray) -> float:
+        """Share of all encounters, in number, that meet in pairs of classes nobody sampled or beyond sampled sizes."""
+        met = self.encounter_rate(self.weights(None)) * np.outer(population, population)
+        return float(met[self.extrapolated].sum() / met.sum())

@@ -1,0 +1,1 @@
+"""The balance over time, at steady state, and for a finite population."""

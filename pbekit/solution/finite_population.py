@@ -1,0 +1,149 @@
+"""A closure's rates in a finite population: what the balance leaves out by averaging over infinitely many.
+
+The same encounters, outcomes, fragments and shapes as in the balance, drawn one at a time for a sample of some hundred
+aggregates that is doubled when it has become small, as in the Monte Carlo the table came from.  Its mean over replicas
+against the balance is the error of the mean field; its spread is what one run can be expected to show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+
+from pbekit.balance import right_hand_side as compiled
+from pbekit.balance.encounters import ShapeMemory
+from pbekit.estimated_rates.closures import SURVIVE, Closure
+
+
+def population_course(
+    closure: Closure,
+    volume_fraction: float,
+    times: np.ndarray,
+    *,
+    initial: int = 200,
+    doubling_below: float = 0.75,
+    replicas: int = 8,
+    steady_from: float | None = None,
+    seed: int = 0,
+    largest: int = 4000,
+    drawn: bool = False,
+    progress: Callable[[int], None] | None = None,
+) -> xr.Dataset:
+    """<P>, sigma_P, d32 over time of each replica, and sizes counted from `steady_from` [s] on (the last 40 % by default).
+
+    drawn : each replica follows its own posterior draw of the closure, so that their spread is that of one run to come:
+        what the table leaves open and what a finite population scatters, together
+    """
+    lookup = None if drawn else _lookup(closure, largest)
+    times = np.asarray(times, float)
+    volume = initial * 4 / 3 * np.pi * closure.table.radius**3 / volume_fraction
+    since = 0.6 * times[-1] if steady_from is None else steady_from
+    series = np.zeros((replicas, times.size, 6))
+    counted = np.zeros((replicas, largest + 1))
+    shapes = closure.grid.shapes
+    for r in range(replicas):
+        if drawn:
+            lookup = _lookup(closure, largest, np.random.default_rng([seed, r, 1]))
+        sizes, shape = np.ones(64 * initial, np.int64), np.full(64 * initial, shapes, np.int64)
+        compiled.finite_population(
+            lookup,
+            sizes,
+            shape,
+            initial,
+            volume,
+            int(np.ceil(doubling_below * initial)),
+            times,
+            np.random.default_rng([seed, r]),
+            series[r],
+            counted[r],
+            int(np.searchsorted(times, since)),
+        )
+        if progress is not None:
+            progress(r + 1)
+    number, mass, square = series[..., 0], series[..., 2], series[..., 3]
+    mean = mass / number
+    return xr.Dataset(
+        {
+            "mean_size": (("replica", "time"), mean, {"units": "1"}),
+            "size_deviation": (
+                ("replica", "time"),
+                np.sqrt(np.maximum(square / number - mean**2, 0)),
+                {"units": "1"},
+            ),
+            "sauter_diameter": (("replica", "time"), 2 * series[..., 5] / series[..., 4], {"units": "m"}),
+            "share": (
+                ("replica", "size"),
+                counted / np.maximum(counted.sum(axis=1, keepdims=True), 1),
+                {"units": "1"},
+            ),
+        },
+        coords={"time": ("time", times, {"units": "s"}), "size": np.arange(largest + 1)},
+    )
+
+
+def _lookup(closure: Closure, largest: int, rng: np.random.Generator | None = None) -> compiled.Lookup:
+    grid, table = closure.grid, closure.table
+    weight = closure.weights(rng)
+    nearest_size = np.abs(
+        np.log(np.maximum(np.arange(largest + 1), 1))[:, None] - np.log(grid.pivots)[None]
+    ).argmin(axis=1)
+    first = np.searchsorted(grid.size_of_cell, np.arange(grid.sizes))
+    count = np.bincount(grid.size_of_cell)
+    shapes = grid.shapes
+    cell = np.zeros((largest + 1, shapes + 1), np.int64)
+    for s in range(shapes):
+        cell[:, s] = first[nearest_size] + np.minimum(s, count[nearest_size] - 1)
+    cell[:, shapes] = first[nearest_size]
+
+    p = closure.probabilities(weight, rng)
+    p = p if closure.smooth else p[closure.cell_pair]
+    share_join = np.ones((1, grid.cells))
+    share_scatter = np.ones(grid.cells)
+    kept = np.ones((1, grid.cells, 1))
+    if shapes > 1:
+        joined, share_scatter = closure.shapes_of_products(weight, rng)
+        share_join = joined.shares if isinstance(joined, ShapeMemory) else joined[None]
+        kept = closure.transitions(weight, rng)
+    cumulate = lambda rows: np.stack([_by_size(r, grid) for r in np.atleast_2d(rows)])
+    if closure.scattered.size:
+        near = closure._fragment_norm
+        cumulative = near.data * weight[closure.scattered][near.indices]
+        for a, b in zip(near.indptr[:-1], near.indptr[1:], strict=True):
+            cumulative[a:b] = np.cumsum(cumulative[a:b]) / cumulative[a:b].sum()
+        r = closure.records
+        products = r.products[closure.scattered]
+        start = np.concatenate([[0], np.cumsum(r.products)])[closure.scattered]
+        rows = np.concatenate([np.arange(a, a + n) for a, n in zip(start, products, strict=True)])
+        near_start, near_event = near.indptr.astype(np.int64), near.indices.astype(np.int64)
+        event_start, event_size = np.concatenate([[0], np.cumsum(products)]), r.product_size[rows]
+    else:
+        pairs = grid.sizes * (grid.sizes + 1) // 2
+        near_start, near_event, cumulative = np.arange(pairs + 1), np.zeros(pairs, np.int64), np.ones(pairs)
+        event_start, event_size = np.array([0, 2]), np.array([5, 5])
+    return compiled.Lookup(
+        cell,
+        closure.radius_moments(weight),
+        np.ascontiguousarray(np.cumsum(p, axis=-1)[..., : SURVIVE + 2]),
+        nearest_size.astype(np.int64),
+        near_start,
+        near_event,
+        cumulative,
+        event_start.astype(np.int64),
+        event_size.astype(np.int64),
+        cumulate(share_join),
+        _by_size(share_scatter, grid),
+        np.cumsum(kept, axis=2),
+        (np.searchsorted(closure.partner_start, np.arange(grid.cells), side="right") - 1).astype(np.int64),
+        grid.shape_of_cell.astype(np.int64),
+        first[grid.size_of_cell].astype(np.int64),
+        4 / 3 * table.shear_rate,
+    )
+
+
+def _by_size(share: np.ndarray, grid) -> np.ndarray:
+    """(K,) shares of the shapes of each size, cumulated within the size."""
+    total = np.cumsum(share)
+    first = np.searchsorted(grid.size_of_cell, grid.size_of_cell)
+    return total - np.where(first > 0, total[first - 1], 0.0)

@@ -1,0 +1,132 @@
+"""Steady states: an integrator brings the balance near, Newton ends it.
+
+The rates of change add to zero in mass whatever the state, so the Jacobian is singular in that direction; the row of
+the cell that holds most mass is replaced by the mass balance, which also picks the steady state of this suspension
+among those of all concentrations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+from scipy.integrate import LSODA
+
+from pbekit.balance.population_balance import PopulationBalance
+from pbekit.errors import PBEError
+
+
+@dataclass(frozen=True)
+class SteadyState:
+    """A steady population, and what it takes to ask how it depends on the rates.
+
+    population : (K,)
+    residual : largest |dn/dt| weighted by mass, over the mass that is turned over in unit time
+    factors : LU factors of the Jacobian with the mass balance in row `row`
+    time : how far the integrator went; iterations : of Newton
+    """
+
+    balance: PopulationBalance
+    population: np.ndarray
+    residual: float
+    iterations: int
+    time: float
+    factors: tuple
+    row: int
+
+    def response(self, change: np.ndarray) -> np.ndarray:
+        """dn/dtheta (K, ...) of the steady state, given d(dn/dt)/dtheta (K, ...) at fixed population and mass."""
+        right = -np.array(change, float)
+        right[self.row] = 0.0
+        return linalg.lu_solve(self.factors, right)
+
+    def importance(self, gradient: np.ndarray) -> np.ndarray:
+        """(K, ...) adjoint: d(output) per unit of d(dn/dt) in each cell, given d(output)/dn (K, ...)."""
+        weights = -linalg.lu_solve(self.factors, np.asarray(gradient, float), trans=1)
+        weights[self.row] = 0.0
+        return weights
+
+
+def steady_state(
+    balance: PopulationBalance,
+    population: np.ndarray,
+    time_scale: float | None = None,
+    rtol: float = 1e-4,
+    tolerance: float = 1e-11,
+    guess: np.ndarray | None = None,
+) -> SteadyState:
+    """The steady state reached from `population` (which fixes the mass).
+
+    The edge must be "closed": mass that leaves the grid has no steady state.
+    time_scale : first time span to integrate; by default set by the initial rates
+    guess : a population near the steady state (of any mass); Newton is tried from it without integrating
+    tolerance : on the residual
+    """
+    if balance.edge != "closed":
+        raise PBEError(
+            'steady_state: use PopulationBalance(..., edge="closed"); mass that leaves the grid never settles'
+        )
+    start = balance.state(population)
+    cells, mass = balance.cells, balance.grid.mass
+    if balance.conserved.shape[1] > 1:
+        raise PBEError("steady_state: for one mass coordinate")
+    total = start[:cells] @ mass
+    if guess is not None:
+        near = np.asarray(guess, float) * (total / (guess @ mass))
+        found = _newton(balance, near, total, tolerance, 0.0)
+        if found is not None:
+            return found
+    rate = balance.rhs(0.0, start)[:cells]
+    turnover = np.abs(rate) @ mass / total
+    if turnover == 0:
+        raise PBEError("steady_state: nothing happens to the initial population")
+    span = time_scale or 10.0 / turnover
+    trials = 0
+    solver = LSODA(
+        balance.rhs, 0.0, start, 1e300, rtol=rtol, atol=1e-10 * start[:cells].max(), jac=balance.jacobian
+    )
+    while trials < 40:
+        # scipy's BDF subtracts entries of its history that it has not filled yet.
+        with np.errstate(invalid="ignore", over="ignore"):
+            while solver.t < span and solver.status == "running":
+                solver.step()
+        if solver.status == "failed":
+            raise PBEError(f"steady_state: the integrator failed at t = {solver.t:g}")
+        found = _newton(balance, np.maximum(solver.y[:cells], 0.0), total, tolerance, solver.t)
+        if found is not None:
+            return found
+        span, trials = 2 * span, trials + 1
+    raise PBEError(f"steady_state: not reached by t = {solver.t:g}")
+
+
+def _newton(balance, population, total, tolerance, time) -> SteadyState | None:
+    """Newton with the mass row; None if it does not converge to a non-negative state."""
+    cells, mass = balance.cells, balance.grid.mass
+    n = population * (total / (population @ mass))
+    pad = np.zeros(balance.tail)
+    for iteration in range(15):
+        state = np.concatenate([n, pad])
+        rate = balance.rhs(0.0, state)[:cells]
+        jacobian = balance.jacobian(0.0, state)[:cells, :cells]
+        # What passes through the classes per unit time: the scale against which a rest is zero.
+        passing = np.abs(np.diag(jacobian)) * n @ mass
+        residual = np.abs(rate) @ mass / passing
+        # Shapes or sizes that nothing makes and nothing takes stay as they are.
+        idle = np.flatnonzero((np.diag(jacobian) == 0) & (n == 0))
+        jacobian[idle, idle] = 1.0
+        row = int(np.argmax(n * mass))
+        jacobian[row] = mass
+        rate[row] = n @ mass - total
+        factors = linalg.lu_factor(jacobian)
+        if residual <= tolerance:
+            return SteadyState(balance, n, residual, iteration, time, factors, row)
+        if not np.isfinite(residual):
+            return None
+        step = linalg.lu_solve(factors, -rate)
+        trial = n + step
+        lowest = 1e-9 * n.max()
+        if np.any(~np.isfinite(trial)) or np.any(trial < -lowest):
+            return None
+        n = np.maximum(trial, 0.0)
+    return None

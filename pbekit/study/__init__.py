@@ -1,0 +1,1 @@
+"""Comparison with Monte Carlo and analytical laws, ablation, uncertainty, dependence on stress."""

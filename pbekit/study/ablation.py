@@ -1,0 +1,133 @@
+"""Why a balance and the Monte Carlo differ: one assumption of the balance changed at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import xarray as xr
+
+from pbekit.balance.population_balance import PopulationBalance
+from pbekit.estimated_rates.closures import Closure, grid_for, start_of
+from pbekit.solution.finite_population import population_course
+from pbekit.solution.solve import integrate
+from pbekit.solution.steady import steady_state
+from pbekit.study.uncertainty import course_output, steady_summary
+from pbekit.tables.kernel_table import KernelTable, size_classes, size_ratio
+
+SUMMARY = ("mean_size", "relative_deviation", "sauter_diameter")
+
+
+def switches(table: KernelTable) -> Iterator[tuple[str, Callable[[], Closure], str]]:
+    """(name, closure, scheme): one assumption of the balance changed in each."""
+    ratio = size_ratio(len(table.records))
+
+    def reclassed(other):
+        edges = size_classes(int(table.records.size.max()), other)
+        finer = _classed(table, edges, table.shape_edges, table.shape_name)
+        return Closure(finer, grid_for(finer))
+
+    def reshaped(shapes, shape_name):
+        edges = KernelTable.of(
+            table.records, table.radius, table.shear_rate, shapes=shapes, shape_name=shape_name
+        ).shape_edges
+        other = _classed(table, table.size_edges, edges, shape_name)
+        return Closure(other, grid_for(other))
+
+    yield "as tabulated", lambda: Closure(table, grid_for(table)), "fixed pivot"
+    if table.shape_edges is not None:
+        yield (
+            "products forget the parents' shape",
+            lambda: Closure(table, grid_for(table), memory=False),
+            "fixed pivot",
+        )
+        twice = 2 * table.shapes
+        yield f"{twice} classes of shape", lambda: reshaped(twice, table.shape_name), "fixed pivot"
+        other = "outer radius" if table.shape_name != "outer radius" else "aspect ratio"
+        yield f"shapes told apart by {other}", lambda: reshaped(table.shapes, other), "fixed pivot"
+        yield "one mean shape per size", lambda: Closure(table, grid_for(table, shapes=None)), "fixed pivot"
+    yield "outcomes by the fitted law alone", lambda: Closure(table, grid_for(table), "smooth"), "fixed pivot"
+    yield "size classes half as wide", lambda: reclassed(ratio**0.5), "fixed pivot"
+    yield "size classes twice as wide", lambda: reclassed(ratio**2), "fixed pivot"
+    yield "exact sizes to 48", lambda: Closure(table, grid_for(table, exact_to=48)), "fixed pivot"
+    yield "cell average", lambda: Closure(table, grid_for(table)), "cell average"
+    designed = table.records.source == 1
+    if designed.any() and not designed.all():
+        only = table.with_records(table.records.select(~designed))
+        yield "the run's encounters alone", lambda: Closure(only, grid_for(only)), "fixed pivot"
+
+
+def _classed(table: KernelTable, size_edges, shape_edges, shape_name: str) -> KernelTable:
+    """The same encounters in other classes."""
+    return KernelTable(
+        table.records, size_edges, shape_edges, table.radius, table.shear_rate, shape_name, table.about
+    )
+
+
+def distance(one: np.ndarray, other: np.ndarray) -> float:
+    """Total variation distance of two distributions: the share of aggregates that would have to change size."""
+    return float(0.5 * np.abs(one - other).sum())
+
+
+def to_32(share: np.ndarray) -> np.ndarray:
+    """Shares of sizes 1 ... 32, which every grid here has one by one, and of all beyond."""
+    return np.append(np.pad(share[:32], (0, max(0, 32 - share.size))), share[32:].sum())
+
+
+def switch_table(
+    table: KernelTable,
+    initial: int,
+    duration: float,
+    times: np.ndarray,
+    late: float,
+    counted: np.ndarray | None = None,
+    replicas: int = 8,
+) -> xr.Dataset:
+    """What each switch, and a population of the run's size, make of the balance.
+
+    Steady <P>, relative deviation and d32; <P> at the last of `times`; and, given the shares `counted` (sizes + 1,) of a
+    run from `late` [s] on, the distance of the shares then from them.
+    """
+    names, rows = [], []
+    off = lambda share: np.nan if counted is None else distance(to_32(share), to_32(counted[1:]))
+    for name, make, scheme in switches(table):
+        closure = make()
+        balance = closure.balance(scheme=scheme)
+        start = start_of(closure.grid, table)
+        found = steady_summary(balance, steady_state(balance, start).population)
+        then = course_output(start, times, share_from=late, rtol=1e-5)(balance)
+        names.append(name)
+        rows.append(
+            [float(found[key]) for key in SUMMARY] + [float(then["mean_size"][-1]), off(then["late_share"])]
+        )
+    closure = Closure(table, grid_for(table))
+    phi = float(table.about["volume_fraction"])
+    settled = population_course(
+        closure, phi, np.linspace(0, duration, 101), initial=initial, replicas=replicas
+    ).isel(time=slice(60, None))
+    early = population_course(
+        closure, phi, times, initial=initial, replicas=4 * replicas, steady_from=late
+    ).mean("replica")
+    names.append(f"a finite population of {initial}")
+    deviation = (settled.size_deviation / settled.mean_size).mean()
+    values = (settled.mean_size.mean(), deviation, settled.sauter_diameter.mean(), early.mean_size[-1])
+    rows.append([float(v) for v in values] + [off(early.share.values[1:])])
+    columns = (*SUMMARY, "end_mean_size", "late_distance")
+    return xr.Dataset(
+        {c: ("switch", [row[k] for row in rows]) for k, c in enumerate(columns)},
+        {"switch": names},
+        {"until": float(times[-1])},
+    )
+
+
+def settling_time(balance: PopulationBalance, start: np.ndarray, mean_size: float) -> float:
+    """Time [s] after which <P> stays within 2 % of its steady value."""
+    rate = balance.rhs(0.0, balance.state(start))[: balance.cells].sum()
+    span = 20.0 * start.sum() / abs(rate)
+    while True:
+        times = np.linspace(0, span, 61)
+        n = integrate(balance, start, times, rtol=1e-5)[:, : balance.cells]
+        off = np.abs(n @ balance.grid.mass / n.sum(axis=1) / mean_size - 1) > 0.02
+        if not off[-15:].any():
+            return float(times[np.flatnonzero(off)[-1]])
+        span *= 2

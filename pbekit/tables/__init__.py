@@ -1,0 +1,1 @@
+"""Tables of encounters: the hand-over between simulation and balance."""

@@ -1,0 +1,224 @@
+"""What `mcdem check` says of a scene: the paper's own numbers, and each warning where it is due and only there."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from typer.testing import CliRunner
+
+import mcdem
+from mcdem.analysis.dimensionless_groups import check, contact_relaxation, doublet_share, tabor_number
+from mcdem.commands.main import app
+
+SCENES = Path(__file__).parents[2] / "scenes"
+
+
+def scene(stress=750, **changes):
+    return mcdem.load_scene(SCENES / f"paper-{stress}Pa.toml").with_changes(
+        {key.replace("__", "."): value for key, value in changes.items()}
+    )
+
+
+def finding(scene, start):
+    (found,) = [one for one in check(scene) if one.name.startswith(start)]
+    return found
+
+
+# Numbers derived by hand from Table 1 of Frungieri & Vanni (2021).
+
+
+@pytest.mark.parametrize(
+    ("start", "at_750", "at_1000"),
+    [
+        ("Peclet", 4.29e5, 5.72e5),
+        ("cohesion", 0.319, 0.426),
+        ("Tabor", 0.985, 0.985),
+        ("attraction number", 9.15e-7, 6.86e-7),
+        ("cut-off delta over l0/a", 15.2, 15.2),
+        ("paper's step dt_b", 1 / 0.84, 1 / 1.12),
+        ("work of adhesion", 0.995, 0.995),
+    ],
+)
+def test_the_papers_groups(start, at_750, at_1000):
+    assert finding(scene(750), start).value == pytest.approx(at_750, rel=5e-3)
+    assert finding(scene(1000), start).value == pytest.approx(at_1000, rel=5e-3)
+
+
+@pytest.mark.parametrize("stress", [750, 875, 1000])
+def test_the_papers_scene(stress):
+    found = check(scene(stress))
+    assert not [one for one in found if one.verdict == "warning"]
+    words = " ".join(one.words for one in found)
+    assert "Brownian motion cannot matter" in words
+    assert "the fluid's inertia cannot matter" in words
+    assert "the particles' inertia cannot matter" in words
+    assert "eta_11 depends on delta" in words
+    assert "dt_b is near the contact's relaxation time" in words
+
+
+@pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_scene_can_be_checked(path):
+    for one in check(mcdem.load_scene(path)):
+        assert math.isfinite(one.value)
+        assert one.words
+
+
+# Each warning, at a scene that deserves it.
+
+
+@pytest.mark.parametrize(
+    ("changes", "start", "verdict", "words"),
+    [
+        ({"suspension.radius": "5 nm"}, "Peclet", "warning", "Brownian motion matters and is not simulated"),
+        ({"suspension.radius": "50 nm"}, "Peclet", "note", "Brownian motion, not simulated"),
+        ({"suspension.radius": "10 um"}, "Reynolds", "warning", "inertia matters and is not simulated"),
+        ({"suspension.radius": "10 um"}, "Stokes", "warning", "inertia matters and is not simulated"),
+        ({"flow.shear_stress": "3000 Pa"}, "cohesion", "warning", "the flow parts even doublets"),
+        ({"flow.shear_stress": "1 Pa"}, "cohesion", "note", "only large aggregates break"),
+        ({"effects.jkr": None}, "contact laws", "warning", "add [effects.jkr]"),
+        ({"effects": None}, "contact laws", "note", "nothing sticks"),
+        ({"effects.jkr.surface_energy": "50 mJ/m^2"}, "work of adhesion", "note", "disagree"),
+        ({"effects.jkr.elastic_modulus": "3 MPa"}, "Tabor", "fine", "JKR contacts are right"),
+        ({"effects.jkr.elastic_modulus": "1000 GPa"}, "Tabor", "warning", "(below 0.1), the scene has JKR"),
+        ({"effects.van_der_waals.hamaker_constant": "1e-24 J"}, "van der Waals", "note", "may be left out"),
+        ({"hydrodynamics.lubrication_cutoff": 1e-4}, "cut-off delta over the gap", "fine", "hardly depends on delta"),
+        ({"hydrodynamics.lubrication_cutoff": 0.0}, "cut-off delta over the gap", "note", "depends on l0 instead"),
+        ({"hydrodynamics.lubrication_cutoff": 0.2}, "cut-off delta over l0/a", "warning", "little of lubrication is left"),
+        ({"hydrodynamics.lubrication_cutoff": 1e-4}, "cut-off delta over l0/a", "note", "below the molecular roughness"),
+        ({"hydrodynamics.lubrication_cutoff": 1e-3}, "cut-off delta over the overlap", "note", "by a good part of delta"),
+        ({"hydrodynamics.lubrication_cutoff": 1e-4}, "cut-off delta over the overlap", "warning", "bears 0.1 of its exact"),
+        ({"hydrodynamics.lubrication_cutoff": 0.0}, "cut-off delta over the overlap", "warning", "presses a touching doublet"),
+        ({"suspension.volume_fraction": 0.01}, "simulated time", "warning", "too crowded"),
+        ({"suspension.volume_fraction": 1e-3}, "simulated time", "note", "may meet a third"),
+        ({"numerics.scheme": "paper", "numerics.paper_base_step": "5 us"}, "paper's step", "warning", "past the limit"),
+        ({"numerics.paper_base_step": "5 us"}, "paper's step", "note", "no such limit"),
+        ({"numerics.paper_base_step": "0.1 us"}, "paper's step", "fine", "resolves the contacts"),
+        ({"numerics.max_step": 0.5}, "longest step", "warning", "not resolved"),
+        ({"numerics.start_distance": 2.0}, "start distance", "note", "already feel each other"),
+    ],
+)  # fmt: skip
+def test_verdicts_follow_the_numbers(changes, start, verdict, words):
+    found = finding(scene().with_changes(changes), start)
+    assert found.verdict == verdict
+    assert words in found.words
+    before = [one for one in check(scene()) if one.name.startswith(start)]
+    assert found not in before
+
+
+DOUBLE_LAYER = {"debye_length": "10 nm", "relative_permittivity": 78.5, "condition": "constant_potential"}
+
+
+@pytest.mark.parametrize(
+    ("potential", "stress", "verdict", "words"),
+    [
+        ("1 mV", "750 Pa", "note", "may be left out"),
+        ("60 mV", "750 Pa", "fine", "the flow pushes pairs through"),
+        ("60 mV", "30 Pa", "note", "hardly pushes pairs through"),
+    ],
+)
+def test_a_double_layer_is_weighed_against_the_flow(potential, stress, verdict, words):
+    table = DOUBLE_LAYER | {"surface_potential": potential}
+    charged = scene().with_changes({"effects.double_layer": table, "flow.shear_stress": stress})
+    found = finding(charged, "largest repulsion")
+    assert (found.verdict, words in found.words) == (verdict, True), found
+    assert finding(charged, "kappa a").value == pytest.approx(50.0)
+
+
+def test_the_barrier_without_attraction_is_the_double_layers_force_at_contact():
+    """Hogg, Healy & Fuerstenau (1966): at constant potential pi eps psi^2 a kappa for h = 0, equal spheres of radius a."""
+    table = DOUBLE_LAYER | {"surface_potential": "25 mV"}
+    charged = scene().with_changes({"effects.double_layer": table, "effects.van_der_waals": None})
+    exact = math.pi * 8.8541878e-12 * 78.5 * 0.025**2 * 5e-7 / 1e-8
+    assert finding(charged, "largest repulsion").value == pytest.approx(
+        exact / charged.reduced.force, rel=1e-3
+    )
+
+
+def test_dmt_contacts_are_known():
+    table = {"surface_energy": "4.7 mJ/m^2", "elastic_modulus": "1000 GPa", "poisson_ratio": 0.5}
+    stiff = scene().with_changes({"effects.jkr": None, "effects.dmt": table})
+    assert finding(stiff, "Tabor").verdict == "fine"
+    assert finding(stiff, "cohesion").value == pytest.approx(0.319 * 3 / 4, rel=2e-3)
+
+
+# Truths.
+
+
+def test_tabor_number_in_its_limits():
+    """JKR deforms by (R w^2/E*^2)^(1/3) before it lets go: the number is that length over the range of the attraction."""
+    base = tabor_number(1e-6, 0.01, 1e9, 1e-10)
+    assert tabor_number(8e-6, 0.01, 1e9, 1e-10) == pytest.approx(2.0 * base)
+    assert tabor_number(1e-6, 0.01, 1e9, 2e-10) == pytest.approx(base / 2.0)
+    assert tabor_number(1e-6, 0.08, 1e9, 1e-10) == pytest.approx(4.0 * base)
+
+
+def test_relaxation_time_follows_the_exact_squeeze_film():
+    """Exact damping of two approaching spheres (Jeffrey & Onishi 1984): X^A = 1/(4 xi) + 9/40 ln(1/xi) + ..., xi = h/a."""
+    paper = scene()
+    thin = paper.with_changes({"hydrodynamics.lubrication_cutoff": 1e-4})
+    ratio = contact_relaxation(thin) / contact_relaxation(paper)
+    exact = [1 / (4 * xi) + 9 / 40 * np.log(1 / xi) for xi in (1e-4, 5e-3)]
+    assert ratio == pytest.approx(exact[0] / exact[1], rel=0.03)
+
+
+@pytest.mark.parametrize("level", ["free_draining", "rotne_prager", "fts"])
+def test_relaxation_time_without_lubrication_is_that_of_two_touching_spheres(level):
+    bare = scene().with_changes({"hydrodynamics.level": level, "hydrodynamics.lubrication_cutoff": None})
+    radius, units = bare.suspension.radius, bare.reduced
+    touching = 2.0 * radius * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    forces = units.force * np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    apart = np.diff(mcdem.velocities(bare, touching, forces).linear[:, 0])[0]
+    stiffness = bare.effects.jkr.kernel(bare).equilibrium_stiffness * units.stiffness
+    assert contact_relaxation(bare) == pytest.approx(units.force / apart / stiffness, rel=1e-9)
+    words = " ".join(one.words for one in check(bare))
+    assert f'level = "{level}" is without lubrication' in words
+    assert "delta" not in words
+
+
+def doublet_tension(scene, gap):
+    """Tension of two spheres held at `gap` [a] where the flow stretches most, over the exact 6.12 pi mu a^2 g of a doublet."""
+    along = np.array([0.0, 1.0, 1.0]) / np.sqrt(2.0)
+    positions = scene.suspension.radius * (1.0 + 0.5 * gap) * np.outer([-1.0, 1.0], along)
+    pull = scene.reduced.force * np.outer([1.0, -1.0], along)
+    free, pulled = (
+        np.diff(mcdem.velocities(scene, positions, forces).linear @ along)[0]
+        for forces in (np.zeros((2, 3)), pull)
+    )
+    return free / (free - pulled) / (6.12 / 6.0)
+
+
+@pytest.mark.parametrize("cutoff", [5e-3, 1e-3, 3e-4, 1e-4])
+def test_a_doublet_bears_what_the_frozen_matrix_leaves(cutoff):
+    """The estimate of `mcdem check` against the forces that hold a doublet; reading the gap loses nothing."""
+    frozen = scene(hydrodynamics__lubrication_cutoff=cutoff)
+    gap = frozen.effects.jkr.kernel(frozen).equilibrium_gap
+    assert doublet_share(cutoff, -gap) == pytest.approx(doublet_tension(frozen, gap), abs=0.01)
+    read = frozen.with_changes({"hydrodynamics.cutoff_reading": "gap"})
+    assert doublet_tension(read, gap) == pytest.approx(1.0, abs=0.01)
+    assert not [one for one in check(read) if one.name.startswith("cut-off delta over the overlap")]
+
+
+def test_mean_approach_is_that_of_the_flux():
+    """|z0|/y0 averaged with the flux, a density proportional to y on the disc of R_i + R_j, is 3 pi/4 of |z0|/(R_i + R_j)."""
+    width = lambda y: 2.0 * np.sqrt(1.0 - y * y)
+    mean = quad(width, 0, 1)[0] / quad(lambda y: y * width(y), 0, 1)[0]
+    no_rotations = scene().with_changes({"numerics.rotations": 0, "numerics.start_distance": 5.0})
+    between = math.pi / (8.0 * no_rotations.suspension.volume_fraction)
+    assert finding(no_rotations, "simulated time").value == pytest.approx(5.0 * mean / between)
+
+
+# The command.
+
+
+def test_exit_code_tells(tmp_path):
+    run = CliRunner().invoke(app, ["check", str(SCENES / "paper-1000Pa.toml")], prog_name="mcdem")
+    assert run.exit_code == 0
+    assert "Brownian" in run.stdout
+    crowded = tmp_path / "crowded.toml"
+    crowded.write_text((SCENES / "quickstart.toml").read_text().replace("1e-4", "0.1"))
+    run = CliRunner().invoke(app, ["check", str(crowded)], prog_name="mcdem")
+    assert run.exit_code == 3
+    assert "warning" in run.stdout
+    assert CliRunner().invoke(app, ["check", str(tmp_path / "none.toml")], prog_name="mcdem").exit_code == 2

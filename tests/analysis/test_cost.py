@@ -1,0 +1,112 @@
+"""What accuracy costs: errors of known differences, the front, and the command on a small run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import mcdem
+from mcdem.analysis import accuracy_cost as cost
+from mcdem.commands.main import app
+from mcdem.encounter.simulate import OUTCOMES
+from mcdem.errors import UserError
+
+PAPER = mcdem.load_scene("scenes/paper-1000Pa.toml")
+
+
+def samples(outcomes, geometry=0.0, fragment=0.5, time=1e-3):
+    return [cost.Sample(OUTCOMES.index(o), fragment, geometry, time, 10) for o in outcomes]
+
+
+REF = samples(["missed"] * 8 + ["parted"] * 2)
+
+
+def test_a_setting_that_changes_nothing_has_no_error():
+    found = cost.price(cost.Setting("same", "x"), 0.07, REF, 0.07, REF)
+    assert not found.error.any() and not found.deviation.any() and found.differing == 0.0
+
+
+def test_errors_are_those_of_the_means():
+    other = samples(["missed"] * 7 + ["aggregation"] + ["parted"] * 2, geometry=0.02, fragment=0.6)
+    found = cost.price(cost.Setting("other", "x"), 0.077, other, 0.07, REF)
+    assert found.error == pytest.approx([0.1, 0.1, 0.1, 0.02])
+    # One of ten differs: the standard error of its share.
+    assert found.deviation[1] == pytest.approx(np.sqrt(0.1 * 0.9 / 9))
+    assert found.differing == pytest.approx(0.1)
+
+
+def test_outcomes_that_swap_places_differ_one_by_one_but_not_in_the_mean():
+    swapped = samples(["parted"] * 2 + ["missed"] * 8)
+    found = cost.price(cost.Setting("swapped", "x"), 0.07, swapped, 0.07, REF)
+    assert found.error[1] == 0.0 and found.deviation[1] > 0.0 and found.differing == pytest.approx(0.4)
+
+
+def priced(name, time, error, deviation=0.0):
+    return cost.Price(
+        cost.Setting(name, name), np.array([0.0, error, 0.0, 0.0]), np.full(4, deviation), time, 1.0, 0.0
+    )
+
+
+def test_without_a_reference_efficiency_there_is_no_error_of_it():
+    found = cost.price(cost.Setting("repelled", "x"), 0.0, REF, 0.0, REF)
+    assert np.isnan(found.error[0]) and not found.error[1:].any()
+
+
+def test_runs_of_other_primaries_are_refused():
+    smaller = PAPER.with_changes({"suspension.radius": "250 nm"})
+    with pytest.raises(UserError, match="expected a run of the same suspension"):
+        cost.draw_pairs(smaller, ["notebooks/data/small-1000Pa.nc"], 2, seed=0)
+
+
+def test_a_population_of_one_aggregate_is_refused(monkeypatch):
+    alone = [mcdem.Aggregate.monomer()]
+    monkeypatch.setattr(cost.Run, "aggregates", lambda self, snapshot: alone)
+    with pytest.raises(UserError, match="no late snapshot has two aggregates"):
+        cost.draw_pairs(PAPER, ["notebooks/data/small-1000Pa.nc"], 2, seed=0)
+
+
+def test_the_front_holds_what_nothing_beats():
+    prices = [priced("a", 1.0, 0.5), priced("b", 2.0, 0.6), priced("c", 3.0, 0.1), priced("d", 4.0, 0.1)]
+    assert [p.setting.name for p in cost.front(prices, lambda p: p.worst_sampled)] == ["a", "c"]
+    best = cost.cheapest(prices, 0.2)
+    assert best is not None and best.setting.name == "c"
+    assert cost.cheapest([priced("noisy", 1.0, 0.1, deviation=0.2)], 0.2) is None
+
+
+def test_every_setting_is_a_valid_scene_and_changes_it():
+    for quick in (False, True):
+        settings = cost.settings_of(PAPER, quick=quick)
+        assert settings[0].name == cost.REFERENCE
+        assert len({s.name for s in settings}) == len(settings)
+        scenes = [s.of(PAPER) for s in settings]
+        assert all(scene != PAPER for s, scene in zip(settings, scenes) if s.name != cost.GIVEN)
+
+
+def test_the_paper_scheme_is_not_priced_against_itself():
+    with pytest.raises(UserError, match="scheme"):
+        cost.settings_of(PAPER.with_changes({"numerics.scheme": "paper"}))
+
+
+def test_the_same_encounters_are_followed_under_every_setting():
+    pairs = [(mcdem.Aggregate.monomer(), mcdem.Aggregate.monomer())] * 3
+    scene = PAPER.with_changes({"numerics.rotations": 0.1})
+    settings = [cost.Setting(cost.REFERENCE, "reference"), cost.Setting(cost.GIVEN, "as given")]
+    reference, same = cost.measure(scene, settings, pairs, rays=2)
+    assert same.differing == 0.0 and not same.error.any()
+    assert reference.cpu_time > 0.0 and reference.steps == same.steps
+
+
+def test_the_command_prints_draws_and_names_the_cheapest(tmp_path):
+    scene = tmp_path / "short.toml"
+    scene.write_text(PAPER.text.replace("rotations = 8", "rotations = 0.2"))
+    figure = tmp_path / "cost.png"
+    found = CliRunner().invoke(
+        app,
+        ["cost", str(scene), "--from", "notebooks/data/small-1000Pa.nc", "--quick", "--encounters", "2"]
+        + ["--workers", "1", "--error", "10", "-o", str(figure)],
+    )
+    assert found.exit_code == 0, found.output
+    assert "Cheapest within 10" in found.output and "as given" in found.output
+    assert figure.stat().st_size > 10_000
+    assert len((tmp_path / "cost.csv").read_text().splitlines()) > 8

@@ -1,0 +1,216 @@
+"""The command line: exit codes, one clear line for each mistake, nothing overwritten."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+from mcdem.commands.main import app
+from mcdem.commands.progress import RunDisplay
+
+SCENES = Path(__file__).parents[2] / "scenes"
+
+
+def mcdem_command(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="mcdem")
+
+
+def refusal(*arguments):
+    """The line on stderr with which a command is refused, exit code 2."""
+    done = mcdem_command(*arguments)
+    assert done.exit_code == 2, done.output
+    assert done.stdout == ""
+    message = done.stderr.strip()
+    assert message.startswith("error: ")
+    assert "\n" not in message
+    return message.removeprefix("error: ")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["--help"], *([name, "--help"] for name in ("run", "plot", "encounter", "efficiency", "describe"))],
+)
+def test_help(arguments):
+    done = mcdem_command(*arguments)
+    assert done.exit_code == 0
+    assert "Usage: mcdem" in done.output
+
+
+def test_runs_as_a_module():
+    done = subprocess.run(
+        [sys.executable, "-m", "mcdem", "describe", "run"], capture_output=True, text=True, check=True
+    )
+    assert "[run]" in done.stdout
+    assert done.stderr == ""
+
+
+def test_describe_lists_units_defaults_and_meaning():
+    listing = mcdem_command("describe").output
+    assert 'radius  a positive length, such as "500 nm"' in listing
+    assert "lubrication_cutoff  a non-negative number, such as 0.5; default 0.005" in listing
+    assert "Poisson" not in mcdem_command("describe", "flow").output
+    assert refusal("describe", "flwo").startswith('no table "flwo"; known are suspension, flow')
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("radius", "radios", '[suspension] unknown key "radios"; did you mean "radius"?'),
+        (
+            '"1e4 1/s"',
+            '"0 1/s"',
+            '[flow] shear_rate = "0 1/s" is not positive; expected a positive rate, such as "1e4 1/s"',
+        ),
+        (
+            "1e-4",
+            "nan",
+            "[suspension] volume_fraction = nan is not finite; expected a positive number, such as 0.5",
+        ),
+    ],
+)
+def test_a_bad_scene_is_refused_and_nothing_written(tmp_path, old, new, words):
+    scene = tmp_path / "bad.toml"
+    scene.write_text((SCENES / "quickstart.toml").read_text().replace(old, new))
+    output = tmp_path / "out.nc"
+    assert refusal("run", scene, "-o", output) == f"{scene}: {words}"
+    assert not output.exists()
+
+
+def test_a_missing_scene(tmp_path):
+    missing = tmp_path / "none.toml"
+    assert refusal("run", missing) == f"{missing}: cannot be read: No such file or directory"
+
+
+def test_an_existing_output_is_kept(tmp_path):
+    output = tmp_path / "precious.nc"
+    output.write_text("precious")
+    message = refusal("run", SCENES / "quickstart.toml", "-o", output, "--workers", 1)
+    assert str(output) in message
+    assert "--overwrite" in message
+    assert output.read_text() == "precious"
+    assert str(tmp_path) in refusal("run", SCENES / "quickstart.toml", "-o", tmp_path, "--workers", 1)
+
+
+@pytest.mark.parametrize(
+    ("until", "words"),
+    [
+        ("10 Pa", "has the wrong dimension (Pa)"),
+        ("10", "has no unit"),
+        ("0 s", "is not positive"),
+        ("nan s", "is not finite"),
+        ("soon", "is not a number with a unit that can be read"),
+    ],
+)
+def test_until_carries_a_unit(tmp_path, until, words):
+    message = refusal("run", SCENES / "quickstart.toml", "-o", tmp_path / "out.nc", "--until", until)
+    assert message == f'--until "{until}" {words}; expected a positive time, such as "10 s"'
+
+
+def test_plot_refuses_what_is_no_dataset_and_what_is_no_figure(tmp_path):
+    foreign, figure = tmp_path / "foreign.nc", tmp_path / "figure.png"
+    foreign.write_text("not NetCDF")
+    for file, reason in [
+        (foreign, "Unknown file format"),
+        (tmp_path / "none.nc", "no such file"),
+    ]:
+        message = refusal("plot", file, "-o", figure)
+        assert message.startswith(f"{file}: ")
+        assert reason in message
+    assert not figure.exists()
+    assert (
+        refusal("plot", foreign, "-o", tmp_path)
+        == f"{tmp_path}: a folder, expected the name of a figure in it"
+    )
+
+
+def test_an_encounter_is_told_in_words():
+    done = mcdem_command("encounter", SCENES / "paper-750Pa.toml", "--offset", "0 nm", "250 nm")
+    assert done.exit_code == 0, done.output
+    told = dict(re.split(r"\s{2,}", line, maxsplit=1) for line in done.stdout.splitlines())
+    assert told["outcome"] == "aggregation"
+    assert told["products"] == "2 primaries"
+    assert told["offset"] == "x0 = 0 m, y0 = 2.5e-07 m"
+    assert re.fullmatch(r"[\d.e-]+ s \(strain [\d.]+\)", told["first contact"])
+    assert re.fullmatch(r"[\d.e-]+ N \(0\.\d\d of pull-off\)", told["largest tension"])
+
+
+def test_aggregates_and_offsets_are_refused_by_name(tmp_path):
+    scene = SCENES / "paper-750Pa.toml"
+    apart, flat, words = tmp_path / "apart.txt", tmp_path / "flat.txt", tmp_path / "words.txt"
+    apart.write_text("0 0 0\n0 0 3\n")
+    flat.write_text("0 0\n0 2\n")
+    words.write_text("carbon 0 0\n")
+    overlapping = tmp_path / "overlapping.txt"
+    overlapping.write_text("0 0 0\n0 0 1.5\n")
+    for given, reason in [
+        ("0", "expected 1 to 1000 primaries"),
+        (apart, "do not touch"),
+        (overlapping, "overlap"),
+        (flat, "expected a row x y z for each primary, found 2 columns"),
+        (words, "not a table of numbers"),
+        (tmp_path / "none.txt", "cannot be read"),
+    ]:
+        message = refusal("encounter", scene, "-j", given)
+        assert message.startswith(f"--second {given}: ")
+        assert reason in message
+    message = refusal("encounter", scene, "--offset", "0 nm", "300 Pa")
+    assert message.startswith('--offset "300 Pa" has the wrong dimension (Pa); expected a length')
+
+
+@pytest.mark.parametrize(("ended_by", "code"), [("time", 0), ("events", 0), ("interruption", 130)])
+def test_exit_code_tells_an_interrupted_run(tmp_path, monkeypatch, ended_by, code):
+    from mcdem.monte_carlo import process as simulate
+
+    asked = {}
+
+    def run(scene, output, **options):
+        asked.update(options, scene=scene.name, output=output)
+        return simulate.Summary(output, 1.5, 7, {"missed": 7}, ended_by, 7, 0, 0.1)
+
+    monkeypatch.setattr(simulate, "run", run)
+    output = tmp_path / "out.nc"
+    options = ["--seed", 5, "--until", "1500 ms", "--events", 7, "--workers", 1, "--resume"]
+    done = mcdem_command("run", SCENES / "quickstart.toml", "-o", output, *options)
+    assert done.exit_code == code, done.output
+    assert done.stdout == f"{output}: t = 1.5 s, 7 events (7 missed); ended by {ended_by}\n"
+    assert ("--resume" in done.stderr) == (code == 130)
+    passed = {key: asked[key] for key in ("seed", "until", "events", "workers", "resume", "overwrite")}
+    assert passed == dict(seed=5, until=1.5, events=7, workers=1, resume=True, overwrite=False)
+    assert (asked["scene"], asked["output"]) == ("quickstart", output)
+
+
+def test_usage_errors_exit_with_2():
+    assert mcdem_command("run").exit_code == 2
+    assert mcdem_command("run", SCENES / "quickstart.toml", "--events", "0").exit_code == 2
+    assert mcdem_command("rum").exit_code == 2
+
+
+def where_it_stands(**changes):
+    known = dict(
+        time=2.5, events=40, mean_size=1.25, outcomes={"missed": 30, "aggregation": 10, "exchange": 0}
+    )
+    return SimpleNamespace(**(known | dict(done=0.25, remaining=90.4, elapsed=30.0) | changes))
+
+
+def test_the_display_tells_time_events_size_outcomes_and_time_left(capsys):
+    with RunDisplay("quickstart", Console(file=sys.stdout, force_terminal=False, width=200)) as display:
+        display(where_it_stands())
+        display(where_it_stands(elapsed=31.0))
+        display(where_it_stands(elapsed=61.0, done=0.5, remaining=None))
+    first, second = capsys.readouterr().out.splitlines()
+    assert first == " 25%  t = 2.5 s, 40 events (30 missed, 10 aggregation), <P> = 1.25, 0:01:30 left"
+    assert second == " 50%  t = 2.5 s, 40 events (30 missed, 10 aggregation), <P> = 1.25"
+
+
+def test_the_display_on_a_terminal_is_one_line_that_stays_readable(capsys):
+    console = Console(file=sys.stdout, force_terminal=True, width=120, color_system=None)
+    with RunDisplay("quickstart", console) as display:
+        display(where_it_stands())
+    shown = capsys.readouterr().out
+    assert "quickstart" in shown
+    assert "25% t = 2.5 s, 40 events (30 missed, 10 aggregation), <P> = 1.25, 0:01:30 left" in shown

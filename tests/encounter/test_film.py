@@ -1,0 +1,110 @@
+"""A film shows the encounter's frames, in the pair's frame, with the strain running."""
+
+import re
+import shlex
+
+import numpy as np
+import pytest
+import typer
+from PIL import Image
+from small_runs import SCENES
+from test_trajectory import A, turning_trimer
+from typer.testing import CliRunner
+
+from mcdem.aggregates.morphology import morphology
+from mcdem.commands.encounter import aggregate_of
+from mcdem.commands.main import app
+from mcdem.encounter import trajectory
+from mcdem.errors import UserError
+from mcdem.figures.film import film, frames, half_widths, interesting
+from mcdem.scene import load_scene
+
+
+def test_frames_show_all_spheres_in_two_colours():
+    course = turning_trimer(5)
+    pictures = list(frames(course, width=240))
+    assert len(pictures) == 5
+    picture = pictures[0].astype(int)
+    blue = (picture[..., 2] - picture[..., 0] > 60).sum()
+    orange = (picture[..., 0] - picture[..., 2] > 60).sum()
+    assert blue > 1.3 * orange > 100  # two of i against one of j
+    assert np.abs(pictures[0].astype(int) - pictures[-1]).sum() > 0
+
+
+def test_the_camera_follows_the_centre_of_mass():
+    course = turning_trimer(5)
+    moved = course.part(0, 5)
+    drift = np.array([3.0, -2.0, 7.0]) * A * np.arange(5)[:, None, None]
+    object.__setattr__(moved, "positions", course.positions + drift)
+    for here, there in zip(frames(course, 160), frames(moved, 160), strict=True):
+        assert np.abs(here.astype(int) - there).mean() < 0.5
+
+
+def test_the_picture_widens_without_a_jerk():
+    course = turning_trimer(41)
+    widths = half_widths(course)
+    assert widths.shape == (41,)
+    assert np.abs(np.diff(widths, 2)).max() < 0.02 * widths.max()
+
+
+def test_only_the_part_with_something_to_see_is_kept():
+    course = turning_trimer(201)  # 40 strains, contact at the middle
+    kept = interesting(course)
+    assert kept.strain[0] < 20 < kept.strain[-1]
+    assert kept.frames < 150
+
+
+@pytest.mark.parametrize("name", ["film.gif", "film.mp4"])
+def test_film_reads_back(tmp_path, name):
+    course = turning_trimer(9)
+    if name.endswith("mp4"):
+        reader = pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
+        path = film(course, tmp_path / name, width=240, whole=True)
+        count, seconds = reader.count_frames_and_secs(str(path))
+        assert count == 9
+        assert seconds == pytest.approx(9 / 25, abs=0.05)
+        return
+    path = film(course, tmp_path / name, width=240, whole=True)
+    with Image.open(path) as image:
+        assert image.n_frames == 9
+        assert image.info["duration"] == 40
+
+
+def test_other_endings_are_refused(tmp_path):
+    with pytest.raises(UserError, match=r"\.mp4 or \.gif"):
+        film(turning_trimer(3), tmp_path / "film.avi")
+
+
+def test_command_films_a_real_encounter(tmp_path):
+    """Two monomers head-on at 1000 Pa stick: the last frame has one bond, and its pull is that of a doublet."""
+    files = [tmp_path / "film.gif", tmp_path / "course.nc"]
+    call = ["encounter", str(SCENES / "quickstart.toml"), "--offset", "0 nm", "120 nm", "--every", "2"]
+    done = CliRunner().invoke(app, [*call, "--film", str(files[0]), "--trajectory", str(files[1])])
+    assert done.exit_code == 0, done.output
+    course = trajectory.read(files[1])
+    assert course.origin["outcome"] == "aggregation"
+    assert "aggregation" in done.output
+    pairs, tension = course.bonds(course.frames - 1)
+    assert pairs.tolist() == [[0, 1]]
+    gap = np.linalg.norm(course.positions[-1, 0] - course.positions[-1, 1]) - 2 * course.radius
+    assert abs(gap) < 1e-9
+    assert abs(tension[0]) < course.pull_off_force
+    with Image.open(files[0]) as image:
+        assert image.n_frames > 5
+    refused = CliRunner().invoke(app, [*call, "--film", str(files[0])])
+    assert refused.exit_code == 2 and "--overwrite" in refused.output
+
+
+def test_the_films_rods_are_rigid_and_its_command_holds():
+    """README's film: the command's options are known, its clusters free contacts of 3P - 6 bonds."""
+    readme = (SCENES.parent / "README.md").read_text()
+    (line,) = re.findall(r"<!-- film -->\n```bash\nmcdem (.*)\n```", readme)
+    words = shlex.split(line)
+    command = typer.main.get_command(app).commands["encounter"]
+    given = command.make_context("encounter", words[1:]).params
+    scene = load_scene(SCENES.parent / given["scene"])
+    for option in ("first", "second"):
+        rod = aggregate_of(scene, option, str(SCENES.parent / given[option]))
+        assert len(rod.bonds) == 3 * rod.size - 6
+        assert morphology(rod.positions, rod.bonds, scene.suspension.radius)["floppy_modes"] == 0
+    assert (SCENES.parent / given["film"]).stat().st_size < 2_500_000

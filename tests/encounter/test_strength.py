@@ -1,0 +1,86 @@
+"""Static strength of aggregates against the touching doublet, symmetry, and what statics says."""
+
+import math
+
+import numpy as np
+import pytest
+from small_runs import small_runs
+
+from mcdem.aggregates.aggregate import Aggregate
+from mcdem.analysis.dataset import Run
+from mcdem.encounter.static_strength import worst_loads
+from mcdem.figures.strength import static_load
+from mcdem.scene import load_scene
+
+SCENE = load_scene("scenes/paper-1000Pa.toml")
+A = SCENE.suspension.radius
+TOUCH = 2.0 * A - 0.317e-9  # h_eq of the paper's contact
+
+
+def doublet(scene):
+    return Aggregate.from_positions(scene, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, TOUCH]]))
+
+
+def tetrahedron(scene):
+    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * TOUCH / math.sqrt(8.0)
+    return Aggregate.from_positions(scene, corners)
+
+
+def octahedron_centres():
+    return np.concatenate([np.eye(3), -np.eye(3)]) * TOUCH / math.sqrt(2.0)
+
+
+def test_a_touching_doublet_bears_the_exact_tension():
+    """Two touching spheres in shear are torn by 6.12 pi mu g a^2 (Nir & Acrivos 1973); overlap and cut-off change 0.2 %."""
+    scene = SCENE.with_changes(
+        {"hydrodynamics.cutoff_reading": "gap", "hydrodynamics.lubrication_cutoff": 1e-4}
+    )
+    strength = scene.effects.jkr.kernel(scene).pull_off_force * scene.reduced.force
+    exact = 6.12 * math.pi * A**2 * scene.flow.shear_stress / strength
+    np.testing.assert_allclose(worst_loads(scene, [doublet(scene)])[0], exact, rtol=3e-3)
+
+
+def test_loads_turn_with_the_aggregate_and_grow_with_the_stress():
+    rng = np.random.default_rng(5)
+    whole = tetrahedron(SCENE)
+    load = worst_loads(SCENE, [whole])[0]
+    assert 0.1 < load < 1.0
+    np.testing.assert_allclose(worst_loads(SCENE, [whole.turned(rng) for _ in range(3)]), load, rtol=1e-6)
+    twice = SCENE.with_changes({"flow.shear_stress": "2000 Pa"})
+    rest = 2.0 * load - worst_loads(twice, [whole])[0]  # of the forces at rest: all six bonds bear each other
+    assert abs(rest) < 1e-6
+
+
+def test_floppy_aggregates_and_primaries_have_no_static_load():
+    chain = Aggregate.from_positions(SCENE, np.array([[0.0, 0.0, k * TOUCH] for k in range(4)]))
+    assert np.isnan(worst_loads(SCENE, [chain, Aggregate.monomer()])).all()
+
+
+@pytest.mark.parametrize("level", ["free_draining", "rotne_prager", "fts"])
+def test_an_octahedron_is_loaded_alike_in_all_its_poses_at_every_level(level):
+    scene = SCENE.with_changes({"hydrodynamics": {"level": level}})
+    rng = np.random.default_rng(6)
+    octahedron = Aggregate.from_positions(scene, octahedron_centres())
+    loads = worst_loads(scene, [octahedron, *(octahedron.turned(rng) for _ in range(3))])
+    np.testing.assert_allclose(loads, loads[0], rtol=1e-6)
+
+
+def test_the_figure_tells_rigid_from_floppy_aggregates(monkeypatch):
+    run = Run(small_runs()[1])
+    assert static_load([run]) is None  # its made-up aggregates are all floppy
+    corners = tetrahedron(SCENE).positions
+    outward = corners[1:].mean(axis=0) / np.linalg.norm(corners[1:].mean(axis=0))
+    capped = [*corners, corners[1:].mean(axis=0) + outward * TOUCH * math.sqrt(2 / 3)]
+    shapes = [
+        Aggregate.from_positions(SCENE, np.array(positions))
+        for positions in (corners, capped, octahedron_centres(), [[0, 0, k * TOUCH] for k in range(5)])
+    ]
+    monkeypatch.setattr(Run, "aggregates", lambda self, snapshot: shapes)
+    figure = static_load([run])
+    assert figure is not None
+    numbers, snapshots = figure.numbers, len(run.late_snapshots)
+    assert (numbers.sizes["aggregate"], numbers.attrs["floppy"]) == (3 * snapshots, snapshots)
+    loads = worst_loads(run.scene, shapes)
+    np.testing.assert_allclose(numbers["load"].values[:3], loads[:3], rtol=1e-12)
+    slope = np.polyfit(np.log([4, 5, 6]), np.log(loads[:3]), 1)[0]
+    np.testing.assert_allclose(numbers["exponent"].values[0], slope, rtol=1e-9)

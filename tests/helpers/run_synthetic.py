@@ -1,0 +1,36 @@
+"""A run of synthetic encounters in a process of its own: to be killed, or to be many under mpiexec."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+
+import synthetic
+
+from mcdem.monte_carlo import executors
+from mcdem.monte_carlo import process as simulate
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("file")
+    parser.add_argument("--events", type=int)
+    parser.add_argument("--executor", default="process")
+    parser.add_argument("--workers", type=int)
+    parser.add_argument("--encounter", default="aggregation_and_breakup")
+    given = parser.parse_args()
+    # Write often: there is little time between a start and a kill.
+    simulate.SHARE_OF_WRITING = 0.5
+    with executors.opened(given.executor, given.workers) as crew:
+        summary = simulate.run(
+            synthetic.scene(**synthetic.SMALL),
+            given.file,
+            events=given.events,
+            executor=crew.executor,
+            workers=crew.workers,
+            resume=True,
+            encounter=getattr(synthetic, given.encounter),
+            checkpoint_every=0.05,
+        )
+    print(summary.ended_by, summary.events, os.getpid())
+    sys.exit(0)

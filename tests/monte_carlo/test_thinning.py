@@ -1,0 +1,155 @@
+"""A thinned dataset is smaller, says the same within its digits, and is continued bit for bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import synthetic
+import xarray as xr
+from typer.testing import CliRunner
+
+from mcdem.analysis.dataset import Run
+from mcdem.commands.main import app
+from mcdem.errors import DataFileError, UserError
+from mcdem.monte_carlo.compress import DIGITS, rounded, thin
+from mcdem.monte_carlo.process import run
+from mcdem.netcdf.comparison import differences
+from mcdem.netcdf.whole_files import locked
+
+SCENE = synthetic.scene(population__initial=40, run__snapshot_every="50 ms")
+
+
+def follow(path, events, **options):
+    return run(SCENE, path, events=events, encounter=synthetic.aggregation_and_breakup, **options)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """400 encounters, with seven snapshots or more."""
+    path = tmp_path_factory.mktemp("thinning") / "whole.nc"
+    follow(path, 400, seed=5)
+    return path
+
+
+@pytest.fixture(scope="module")
+def small(whole):
+    path = whole.with_name("small.nc")
+    thin(whole, path, every=0.2)
+    return path
+
+
+def test_it_is_smaller_and_says_so(whole, small):
+    assert small.stat().st_size < 0.5 * whole.stat().st_size
+    assert "thinned: reals to 12 significant bits" in xr.open_dataset(small).attrs["history"]
+
+
+def test_numbers_of_the_history_keep_their_digits(whole, small):
+    for group in (None, "events"):
+        full, kept = (xr.open_dataset(p, group=group, decode_times=False).load() for p in (whole, small))
+        assert set(full) == set(kept)
+        for name in full.variables:
+            a, b = full[name].values, kept[name].values
+            if a.dtype.kind == "f":
+                np.testing.assert_allclose(b, a, rtol=2.0**-DIGITS, err_msg=name)
+            else:
+                assert (a == b).all(), name
+            assert kept[name].attrs["units"] == full[name].attrs["units"]
+            assert set(kept[name].attrs) == set(full[name].attrs)
+    times = xr.open_dataset(small, group="events", decode_times=False).time.values
+    assert (np.diff(times) > 0).all()
+
+
+def test_snapshots_are_those_asked_for_with_their_aggregates(whole, small):
+    full, kept = Run(whole), Run(small)
+    chosen = np.flatnonzero(np.isin(full.snapshot_times.round(6), kept.snapshot_times.round(6)))
+    assert 4 <= len(kept.snapshot_times) == len(chosen) < len(full.snapshot_times)
+    assert np.diff(kept.snapshot_times)[:-2] == pytest.approx(0.2)
+    assert kept.snapshot_times[-2:] == pytest.approx(full.snapshot_times[-2:], rel=1e-7)
+    for here, there in enumerate(chosen):
+        for a, b in zip(kept.aggregates(here), full.aggregates(int(there)), strict=True):
+            assert (a.bonds == b.bonds).all()
+            np.testing.assert_allclose(a.positions, b.positions, rtol=1e-6)
+
+
+def test_the_process_goes_on_bit_for_bit(whole, small, tmp_path):
+    ends = []
+    for name, path in (("long", whole), ("short", small)):
+        copy = tmp_path / f"{name}.nc"
+        copy.write_bytes(path.read_bytes())
+        follow(copy, 700, resume=True)
+        with xr.open_dataset(copy, group="events", decode_times=False) as events:
+            first = int(events["number_of_products"][:400].sum())
+            new = events.isel(event=slice(400, None), product=slice(first, None))
+            ends.append(new.drop_vars("cpu_time").load())
+    for name in ends[0].variables:
+        np.testing.assert_array_equal(ends[1][name].values, ends[0][name].values, err_msg=name)
+    # The state at the end is that of the run that was never thinned; snapshots fall due at the same moments.
+    assert {d.split(":")[0] for d in differences(tmp_path / "long.nc", tmp_path / "short.nc")} <= {
+        *(f"/{name}" for name in xr.open_dataset(small).variables),
+        *(f"/events/{name}" for name in ends[0].variables),
+        *(f"/snapshots/{name}" for name in xr.open_dataset(small, group="snapshots").variables),
+    }
+    assert "thinned" in xr.open_dataset(tmp_path / "short.nc").attrs["history"]
+    long, short = (Run(tmp_path / f"{name}.nc") for name in ("long", "short"))
+    assert (long.snapshot_times[-1], *long.snapshot_times[-4:-1].round(9)) == (
+        short.snapshot_times[-1],
+        *short.snapshot_times[-4:-1].round(9),
+    )
+    for a, b in zip(long.aggregates(), short.aggregates(), strict=True):
+        assert (a.positions == b.positions).all()
+
+
+def test_rounding_is_to_significant_bits():
+    values = np.array([0.0, 1.0, -1.0 - 2.0**-13, 3.0e-9, np.inf, np.nan, 1e300])
+    found = rounded(values, 12)
+    assert found[:2].tolist() == [0.0, 1.0]
+    assert found[2] == -1.0
+    np.testing.assert_allclose(found[[3, 6]], values[[3, 6]], rtol=2.0**-12)
+    assert found[4] == np.inf
+    assert np.isnan(found[5])
+    assert (rounded(found, 12)[:5] == found[:5]).all()
+
+
+def test_what_cannot_be_thinned_is_refused(whole, tmp_path):
+    with pytest.raises(DataFileError, match="another name"):
+        thin(whole, whole)
+    with pytest.raises(UserError, match="above 0"):
+        thin(whole, tmp_path / "a.nc", every=0.0)
+    (tmp_path / "foreign.nc").write_text("no dataset")
+    with pytest.raises(DataFileError, match="mcdem run"):
+        thin(tmp_path / "foreign.nc", tmp_path / "a.nc")
+    assert not (tmp_path / "a.nc").exists()
+
+
+def test_a_file_that_a_run_is_writing_is_not_replaced(whole, tmp_path):
+    with locked(tmp_path / "busy.nc"), pytest.raises(DataFileError, match="another run"):
+        thin(whole, tmp_path / "busy.nc")
+
+
+def test_a_damaged_dataset_is_refused(whole, tmp_path):
+    content = bytearray(whole.read_bytes())
+    for place in range(len(content) // 4, 3 * len(content) // 4, 997):
+        content[place] ^= 0xFF
+    (tmp_path / "damaged.nc").write_bytes(bytes(content))
+    with pytest.raises(DataFileError):
+        thin(tmp_path / "damaged.nc", tmp_path / "a.nc")
+
+
+def test_a_dataset_of_before_histories_gets_one(tmp_path):
+    thin("notebooks/data/small-1000Pa.nc", tmp_path / "a.nc", every=5.0)
+    first, last = xr.open_dataset(tmp_path / "a.nc").attrs["history"].splitlines()
+    assert "until then" in first and "thinned" in last
+
+
+def test_the_command(whole, tmp_path):
+    target = tmp_path / "small.nc"
+    runner = CliRunner()
+    told = runner.invoke(app, ["thin", str(whole), "-o", str(target), "--every", "100 ms"])
+    assert told.exit_code == 0, told.output
+    assert "MiB of" in told.output
+    again = runner.invoke(app, ["thin", str(whole), "-o", str(target)])
+    assert again.exit_code == 2
+    assert "exists" in again.output
+    wrong = runner.invoke(app, ["thin", str(whole), "-o", str(tmp_path / "b.nc"), "--every", "5 m"])
+    assert wrong.exit_code == 2
+    assert "--every" in wrong.output
