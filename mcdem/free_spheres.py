@@ -11,8 +11,10 @@ from scipy.spatial import cKDTree
 from mcdem.aggregates.aggregate import overlap_limit, radii_of
 from mcdem.encounter.simulate import physics_of
 from mcdem.errors import UserError
+from mcdem.hydrodynamics import LEVELS
 from mcdem.hydrodynamics.grand_mobility import five_to_tensor
-from mcdem.hydrodynamics.stokesian import solve_velocities, workspace
+from mcdem.hydrodynamics.resistance import workspace
+from mcdem.hydrodynamics.velocities import solve_velocities
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -76,26 +78,18 @@ def velocities(
                 "(are the positions in metres?)"
             )
     flow, physics = physics_of(scene)
-    flow_terms = (flow.gradient, flow.strain, flow.strain_five, f / units.force, t / units.energy)
-    cutoff = (physics.cutoff, physics.shifted)
     scaled = np.ones(len(x)) if sizes is None else sizes / units.length
-    if physics.stresslets is not None and len(x) >= MATRIX_FREE_FROM:
+    where, loads = x / units.length, (f / units.force, t / units.energy)
+    level = LEVELS[scene.hydrodynamics.level]
+    if level.stresslet_couplings and len(x) >= MATRIX_FREE_FROM:
         from mcdem.hydrodynamics import matrix_free  # compiled for several cores, and seldom needed
 
-        found = matrix_free.solve_velocities(x / units.length, scaled, *flow_terms, *cutoff, physics.table)
+        found = matrix_free.solve_velocities(physics.level, where, scaled, flow, *loads)
         linear, angular, five, code = found.linear, found.angular, found.stresslet, 0
     else:
         five = np.empty((len(x), 5))
         code, linear, angular = solve_velocities(
-            workspace(len(x)),
-            x / units.length,
-            scaled,
-            *flow_terms,
-            *cutoff,
-            physics.coupled,
-            physics.stresslets,
-            physics.table,
-            five,
+            physics.level, workspace(len(x)), where, scaled, flow, *loads, five
         )
     if code != 0:
         raise ArithmeticError("the resistance matrix of these spheres is not positive definite")

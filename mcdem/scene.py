@@ -12,237 +12,83 @@ import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-import numpy as np
 import tomlkit
 import tomlkit.exceptions
-from pydantic import Field, PrivateAttr, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, create_model, model_validator
 
-from mcdem.effects import Effects
+from mcdem.effects import Effects, Resistance
 from mcdem.errors import SceneError
-from mcdem.quantities.linear_flows import inflow_constant, turns_back
+from mcdem.hydrodynamics import LEVELS
+from mcdem.integrators import SCHEMES
+from mcdem.quantities.linear_flows import Flow
+from mcdem.quantities.reduced_units import ReducedUnits
+from mcdem.quantities.suspension import Suspension
 from mcdem.quantities.toml_tables import Key, Table, explain, keys, written
 from mcdem.quantities.units import (
-    Dimensionless,
     NonNegativeDimensionless,
     PositiveDimensionless,
-    PositiveLength,
-    PositiveRate,
-    PositiveStress,
     PositiveTime,
-    PositiveViscosity,
 )
-
-# Marks the key of a table that follows from the other keys, until they are read.
-FROM_THE_OTHERS = math.nan
-
-SMALLEST_RATIO = 0.1
-"""Smallest over largest radius of a suspension."""
-
-
-class Suspension(Table):
-    """The primary particles and how many of them there are."""
-
-    radius: PositiveLength = FROM_THE_OTHERS
-    """Radius a of the primary particles; where `radii` are given instead, the largest of them."""
-    radii: Annotated[tuple[PositiveLength, ...], Field(strict=False)] | None = None
-    """Radii of the primaries of a suspension of several, instead of `radius`; what is given over a is over the largest."""
-    number_fractions: Annotated[tuple[PositiveDimensionless, ...], Field(strict=False)] | None = None
-    """Share in number of the primaries of each of the `radii`; they add up to 1."""
-    volume_fraction: Annotated[PositiveDimensionless, Field(lt=0.74)]
-    """Volume of the primary particles over that of the suspension; encounters are binary, so it should be small."""
-
-    @property
-    def species(self) -> tuple[float, ...]:
-        """Radii [m] that the primaries have."""
-        return (self.radius,) if self.radii is None else self.radii
-
-    @model_validator(mode="after")
-    def _one_radius_or_several(self) -> Self:
-        given = self.model_fields_set & {"radius", "radii"}
-        if len(given) != 1:
-            raise ValueError(
-                'give radius, such as "500 nm", or radii and their number_fractions '
-                f"(found {' and '.join(sorted(given)) or 'neither'})"
-            )
-        if self.radii is None:
-            if self.number_fractions is not None:
-                raise ValueError(
-                    "number_fractions belong to radii: remove them, or give radii instead of radius"
-                )
-            return self
-        if self.number_fractions is None:
-            raise ValueError("radii need number_fractions, one for each, such as [0.5, 0.5]")
-        if len(self.radii) < 2 or len(set(self.radii)) < len(self.radii):
-            raise ValueError("radii: expected two or more, all different; a suspension of one has a radius")
-        if len(self.number_fractions) != len(self.radii):
-            raise ValueError(
-                f"number_fractions: expected {len(self.radii)}, one for each of radii, found {len(self.number_fractions)}"
-            )
-        if abs(math.fsum(self.number_fractions) - 1.0) > 1e-9:
-            raise ValueError(
-                f"number_fractions add up to {math.fsum(self.number_fractions):.10g}, expected 1"
-            )
-        if min(self.radii) < SMALLEST_RATIO * max(self.radii):
-            raise ValueError(
-                f"radii from {min(self.radii):g} to {max(self.radii):g} m: expected ratios of at least {SMALLEST_RATIO:g}, "
-                "to which the two-sphere functions are summed"
-            )
-        self.__dict__["radius"] = max(self.radii)
-        return self
-
-
-class Flow(Table):
-    """The undisturbed flow: simple shear u = (0, 0, g y), with gradient along y and vorticity along x, or another linear flow.
-
-    The file gives exactly two of `shear_rate`, `viscosity` and `shear_stress`; the third follows.
-    """
-
-    kind: Literal[
-        "simple_shear", "planar", "planar_extension", "uniaxial_extension", "biaxial_extension", "linear"
-    ] = "simple_shear"
-    """"simple_shear": u = g (0, 0, y); "planar": u = g (0, alpha z, y); "planar_extension": the same with alpha = 1;
-    "uniaxial_extension": u = g (-x/2, -y/2, z), stretching along z; "biaxial_extension": the reverse;
-    "linear": any other, by its `gradient`."""
-    alpha: Annotated[PositiveDimensionless, Field(le=1.0)] | None = None
-    """Share of extension in a planar flow, between simple shear (0) and planar extension (1); its kind alone has it."""
-    gradient: (
-        Annotated[tuple[Annotated[tuple[Dimensionless, ...], Field(strict=False)], ...], Field(strict=False)]
-        | None
-    ) = None
-    """Rows of the velocity gradient over g of a linear flow, u = g G r: three of three numbers, of trace 0; such as
-    [[-0.7, 0, 0], [0, -0.3, 0], [0, 0, 1]], between planar and uniaxial extension."""
-    shear_rate: PositiveRate = FROM_THE_OTHERS
-    """Rate g of the flow: the shear rate, or in extension the rate of stretching."""
-    viscosity: PositiveViscosity = FROM_THE_OTHERS
-    """Viscosity mu of the medium."""
-    shear_stress: PositiveStress = FROM_THE_OTHERS
-    """Shear stress mu g of the undisturbed flow."""
-
-    @property
-    def extension_share(self) -> float:
-        """alpha of a planar flow."""
-        if self.alpha is not None:
-            return self.alpha
-        return 1.0 if self.kind == "planar_extension" else 0.0
-
-    @property
-    def equivalent_shear_rate(self) -> float:
-        """Shear rate [1/s] of the simple shear in which aggregates meet as often."""
-        return self.shear_rate * (0.75 * inflow_constant(self))
-
-    @model_validator(mode="after")
-    def _alpha_is_of_planar_flows(self) -> Self:
-        if self.kind == "planar" and self.alpha is None:
-            raise ValueError('kind = "planar" needs alpha, its share of extension: above 0 and up to 1')
-        if self.kind != "planar" and self.alpha is not None:
-            raise ValueError(f'kind = "{self.kind}" has no alpha: remove it, or use kind = "planar"')
-        return self
-
-    @model_validator(mode="after")
-    def _gradient_is_of_linear_flows(self) -> Self:
-        if (self.kind == "linear") != (self.gradient is not None):
-            raise ValueError(
-                'kind = "linear" and gradient go together: give both, or another kind and no gradient'
-            )
-        if self.gradient is None:
-            return self
-        if [len(row) for row in self.gradient] != [3, 3, 3]:
-            raise ValueError("gradient: expected three rows of three numbers")
-        G = np.array(self.gradient)
-        size = float(np.abs(G).max())
-        if abs(np.trace(G)) > 1e-9 * size:
-            raise ValueError(
-                f"gradient has the trace {np.trace(G):g}, expected 0: the fluid keeps its volume"
-            )
-        if not np.abs(G + G.T).max() > 1e-9 * size:
-            raise ValueError(
-                "gradient is a rotation alone, expected one that strains: nothing meets otherwise"
-            )
-        if turns_back(G):
-            raise ValueError(
-                "gradient has streamlines that turn back, more vorticity than simple shear has for its strain: expected one in "
-                "which every streamline comes from far away, for an encounter to have a beginning"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _two_give_the_third(self) -> Self:
-        given = self.model_fields_set & {"shear_rate", "viscosity", "shear_stress"}
-        if len(given) != 2:
-            found = " and ".join(sorted(given)) or "none"
-            raise ValueError(f"give exactly two of shear_rate, viscosity and shear_stress (found {found})")
-        if "shear_stress" not in given:
-            self.__dict__["shear_stress"] = self.viscosity * self.shear_rate
-        elif "viscosity" not in given:
-            self.__dict__["viscosity"] = self.shear_stress / self.shear_rate
-        else:
-            self.__dict__["shear_rate"] = self.shear_stress / self.viscosity
-        return self
 
 
 class Hydrodynamics(Table):
     """How the particles feel each other through the fluid."""
 
-    level: Literal["free_draining", "rotne_prager", "fts", "stokesian"] = "stokesian"
+    level: Literal[tuple(LEVELS)] = "stokesian"  # type: ignore[valid-type]
     """"free_draining": Stokes drag on each sphere by itself; "rotne_prager": far field of forces and torques;
     "fts": of forces, torques and stresslets; "stokesian": the same with pair lubrication, which alone has the keys below."""
     lubrication_cutoff: NonNegativeDimensionless = 5e-3
     """Gap over radius, delta, below which lubrication keeps its value there; 0 for no cut-off (paper, section 2.2.1)."""
-    cutoff_reading: Literal["matrix", "gap"] = "matrix"
+    cutoff_convention: Literal["matrix", "gap"] = "matrix"
     """Below the cut-off, "matrix": the two-body resistance is frozen, as the paper says; "gap": the strain sees the frozen gap
     too, so that a touching pair is not squeezed by it; needed where delta is not large against the overlap of contacts."""
 
     @model_validator(mode="after")
     def _keys_of_lubrication_need_it(self) -> Self:
-        stray = sorted(self.model_fields_set & {"lubrication_cutoff", "cutoff_reading"})
+        stray = sorted(self.model_fields_set & {"lubrication_cutoff", "cutoff_convention"})
         if stray and not self.lubrication:
+            with_it = " or ".join(f'"{name}"' for name, level in LEVELS.items() if level.lubrication)
             raise ValueError(
                 f'level = "{self.level}" is without lubrication, so that {" and ".join(stray)} would do nothing: '
-                'remove it, or use level = "stokesian"'
+                f"remove it, or use level = {with_it}"
             )
         return self
 
     @property
     def stresslets(self) -> bool:
         """Whether the far field has stresslets."""
-        return self.level in ("fts", "stokesian")
+        return LEVELS[self.level].stresslet_couplings
 
     @property
     def lubrication(self) -> bool:
         """Whether pairs have lubrication."""
-        return self.level == "stokesian"
+        return LEVELS[self.level].lubrication
 
 
-class Numerics(Table):
+class NumericsOfScene(Table):
     """How an encounter is integrated and how events are drawn."""
 
-    scheme: Literal["implicit", "paper"] = "implicit"
-    """"implicit": contacts solved at the end of the step; "paper": explicit Euler with the time step of Eq. 20."""
-    max_step: PositiveDimensionless = 0.2
-    """Longest step of the implicit scheme, in units of 1/g; half of it while two bodies are near or contacts change."""
-    event_step: PositiveDimensionless = 0.0125
-    """Step to which the time of a contact's loss is resolved by the implicit scheme, in units of 1/g."""
+    scheme: Literal[tuple(SCHEMES)] = "implicit"  # type: ignore[valid-type]
+    """"implicit": midpoint steps, contacts solved at the end of the step; "explicit_euler": the paper's, with the time step of
+    Eq. 20.  The keys of each are in a table of its name."""
     start_distance: Annotated[PositiveDimensionless, Field(ge=1.0)] = 5.0
     """Distance upstream at which the second aggregate starts, in units of R_i + R_j."""
     rotations: NonNegativeDimensionless = 8.0
     """Rotations N_rot that follow the approach (Eq. 21)."""
-    far_field_lag: Annotated[NonNegativeDimensionless, Field(le=1.0)] = 0.3
-    """The far field is kept, turning along, until a separation changed by this share of its gap plus a radius; 0: never kept.
-    From about 0.8 on what is foreseen from the last steps may run away."""
     far_approach: NonNegativeDimensionless = 2.0
     """Two rigid aggregates approach as bodies with a stresslet down to this centre distance over R_i + R_j; 0 for never,
     as at levels of hydrodynamics without stresslets."""
     sure_miss: NonNegativeDimensionless = 0.5
     """Two rigid aggregates that came together as bodies pass as bodies if no two of their primaries come closer than this gap,
-    in radii, and nothing can break; 0 for never.  The gap is foretold to about 0.1."""
+    in radii, and nothing can break; 0 for never.  The gap is predicted to about 0.1."""
     separation: NonNegativeDimensionless = 1.5
     """Parts that recede from each other go on alone beyond this centre distance over R_i + R_j; 0 for never."""
     rigid_rotation: bool = True
     """An aggregate without floppy modes turns as a rigid body while its load stays below `rigid_load_limit`."""
-    end_inert: bool = True
-    """A rigid aggregate that bears its worst orientation is not followed further."""
+    end_stable: bool = True
+    """A rigid aggregate that is mechanically stable in every orientation is not followed further."""
     rigid_load_limit: Annotated[PositiveDimensionless, Field(le=1.0)] = 0.9
     """Largest tension over pull-off force, by statics, at which an aggregate is taken as rigid."""
     quiet_time: NonNegativeDimensionless = 1.0
@@ -251,14 +97,26 @@ class Numerics(Table):
     """Strain g t after which an approach is given up and recorded as unresolved: it diverges as y0 goes to 0 (Eq. 21)."""
     most_steps: Annotated[int, Field(gt=0)] = 20_000_000
     """Steps after which an encounter is given up and recorded as unresolved."""
-    paper_base_step: PositiveTime = 1e-6
-    """Base time step dt_b of the paper's scheme (Table 1)."""
-    paper_step_velocity: Literal["relative", "normal"] = "relative"
-    """Velocity that Eq. 20 bounds: "relative", its literal reading, or "normal", that along the line of centres."""
-    paper_close_gap: PositiveDimensionless = 1.0
-    """Gap over radius below which Eq. 20 counts two primaries as close; the paper does not say (assumption)."""
-    pair_selection: Literal["clocks", "inversion"] = "clocks"
-    """"clocks": each pair carries an exponential waiting time; "inversion": the paper's Eqs. 4-6. Equal in distribution."""
+    event_selection: Literal["majorant_rejection", "inverse_transform"] = "majorant_rejection"
+    """"majorant_rejection": encounters are proposed at a rate above all pairs' and thinned (Lewis & Shedler 1979);
+    "inverse_transform": the paper's Eqs. 4-6.  Equal in distribution."""
+
+
+if TYPE_CHECKING:
+
+    class Numerics(NumericsOfScene):
+        """With a table of keys for each scheme of `SCHEMES`, which a type checker does not see."""
+
+else:
+    Numerics = create_model(
+        "Numerics",
+        __base__=NumericsOfScene,
+        __module__=__name__,
+        __doc__=NumericsOfScene.__doc__,
+        **{
+            name: (scheme.table, Field(default_factory=scheme.table)) for name, scheme in SCHEMES.items()
+        },
+    )
 
 
 class Population(Table):
@@ -286,32 +144,6 @@ class Run(Table):
     """Process time between two records of every aggregate's geometry."""
 
 
-class ReducedUnits(NamedTuple):
-    """SI values of the units of the compiled code: a single sphere has translational resistance 1 in them."""
-
-    length: float
-    """a [m]"""
-    time: float
-    """1/g [s]"""
-    force: float
-    """6 pi mu a^2 g [N]"""
-
-    @property
-    def velocity(self) -> float:
-        """a g [m/s]."""
-        return self.length / self.time
-
-    @property
-    def energy(self) -> float:
-        """6 pi mu a^3 g, the unit of torque and stresslet too [J]."""
-        return self.force * self.length
-
-    @property
-    def stiffness(self) -> float:
-        """6 pi mu a g [N/m]."""
-        return self.force / self.length
-
-
 class Scene(Table):
     """All that a run depends on.  Two scenes are equal when their tables are, whatever their file's wording."""
 
@@ -327,9 +159,10 @@ class Scene(Table):
     def _shortcuts_and_scheme_suit_the_flow(self) -> Self:
         if self.flow.kind == "simple_shear":
             return self
-        if self.numerics.scheme == "paper":
+        if not SCHEMES[self.numerics.scheme].stretching:
             raise ValueError(
-                f'numerics.scheme = "paper" is one for simple shear: use "implicit" with flow.kind = "{self.flow.kind}"'
+                f'numerics.scheme = "{self.numerics.scheme}" is one for simple shear: use "implicit" with flow.kind = '
+                f'"{self.flow.kind}"'
             )
         if self.numerics.separation == 0.0:
             raise ValueError(
@@ -339,11 +172,11 @@ class Scene(Table):
         return self
 
     @model_validator(mode="after")
-    def _paper_scheme_has_no_resistances(self) -> Self:
-        if self.effects.resisting and self.numerics.scheme == "paper":
+    def _scheme_follows_torques(self) -> Self:
+        if self.effects.resisting and not SCHEMES[self.numerics.scheme].torques:
             raise ValueError(
-                'numerics.scheme = "paper" follows no torques of contacts: use "implicit", or remove sliding, rolling, '
-                "twisting and rods from [effects]"
+                f'numerics.scheme = "{self.numerics.scheme}" follows no torques of contacts: use "implicit", or remove '
+                f"{' and '.join(self.effects.present(Resistance))} from [effects]"
             )
         return self
 
@@ -367,7 +200,10 @@ class Scene(Table):
             raise SceneError(explain(problem, cls, source)) from None
         scene._text = text
         scene._path = Path(path) if path is not None else None
-        scene.effects.kernels(scene)  # refuses what an effect does not hold for in this suspension
+        try:
+            scene.effects.kernels(scene.reduced, scene.suspension)
+        except SceneError as problem:  # an effect does not hold for this suspension
+            raise SceneError(f"{source}: {problem}") from None
         return scene
 
     def with_changes(self, changes: Mapping[str, Any]) -> Self:

@@ -11,30 +11,34 @@ attraction for l0 = 0 the force vanishes at h = sigma 30^(-1/6).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from numba import njit
 
-from mcdem.quantities.toml_tables import Table
+from mcdem.effects.kinds import Companions, EffectTable, PairForce, refuse_contact
+from mcdem.quantities.reduced_units import ReducedUnits
+from mcdem.quantities.suspension import Suspension
 from mcdem.quantities.units import PositiveLength
 
-if TYPE_CHECKING:
-    from mcdem.scene import Scene
 
-
-class Born(Table):
+class Born(EffectTable):
     """Born repulsion, with the Hamaker constant of the van der Waals attraction."""
 
     collision_diameter: PositiveLength
     """Lennard-Jones diameter sigma of the atoms, about 0.5 nm."""
 
-    def kernel(self, scene: Scene) -> BornKernel:
+    def refuse_company(self, effects: Companions) -> None:
+        refuse_contact("born", effects)
+        if effects.get("van_der_waals") is None:
+            raise ValueError(
+                "born takes its Hamaker constant from van_der_waals: add [effects.van_der_waals]"
+            )
+
+    def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> BornKernel:
         """The parameters in reduced units."""
-        unit = scene.reduced
-        assert scene.effects.van_der_waals is not None  # `Effects` refuses it without
         return BornKernel(
-            strength=scene.effects.van_der_waals.hamaker_constant / (360.0 * unit.energy),
-            diameter=self.collision_diameter / unit.length,
+            strength=effects.get("van_der_waals").hamaker_constant / (360.0 * units.energy),
+            diameter=self.collision_diameter / units.length,
         )
 
 
@@ -62,3 +66,6 @@ def force(h, radius, p):
     if h < floor:
         return value + slope * (h - floor), slope
     return value, slope
+
+
+EFFECT = PairForce(Born, BornKernel, force)

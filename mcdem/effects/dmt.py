@@ -13,18 +13,20 @@ Exact tests: pull-off force over JKR's is 4/3; F + F_adh is Hertz' force; the st
 from __future__ import annotations
 
 from math import pi, sqrt
-from typing import TYPE_CHECKING, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from numba import njit
 
 from mcdem.effects.elastic_contact import ElasticContact
-
-if TYPE_CHECKING:
-    from mcdem.scene import Scene
+from mcdem.effects.kinds import Companions, ContactLaw
+from mcdem.quantities.reduced_units import ReducedUnits
+from mcdem.quantities.suspension import Suspension
 
 
 class DMT(ElasticContact):
     """Adhesive elastic contacts of stiff particles, without hysteresis."""
+
+    friction_share: ClassVar[float] = 1.0
 
     def pull_off_force(self, radius: float) -> float:
         """F_adh [N] of two spheres of `radius` [m]."""
@@ -34,11 +36,10 @@ class DMT(ElasticContact):
         """b0 [m], without load, of two spheres of `radius` [m]: 4/3 E* b0^3/R* = F_adh."""
         return float((0.375 * self.pull_off_force(radius) * radius / self.reduced_modulus) ** (1.0 / 3.0))
 
-    def kernel(self, scene: Scene) -> DMTKernel:
+    def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> DMTKernel:
         """The parameters in reduced units, for two primaries of radius a."""
-        unit = scene.reduced
-        pull_off_force = self.pull_off_force(unit.length) / unit.force
-        equilibrium_gap = -2.0 * (self.contact_radius(unit.length) / unit.length) ** 2
+        pull_off_force = self.pull_off_force(units.length) / units.force
+        equilibrium_gap = -2.0 * (self.contact_radius(units.length) / units.length) ** 2
         return DMTKernel(
             pull_off_force=pull_off_force,
             modulus=pull_off_force / (-equilibrium_gap) ** 1.5,
@@ -77,6 +78,28 @@ def force(h, radius, p):
 
 
 @njit(cache=True)
+def pull_off_gap(radius, p):
+    """Gap beyond which a contact is lost: where it was made."""
+    return 0.0
+
+
+@njit(cache=True)
+def pull_off_force(radius, p):
+    """Largest tension that a contact bears."""
+    return p.pull_off_force * radius
+
+
+@njit(cache=True)
+def equilibrium(radius, p):
+    """(gap, stiffness) of a contact without load."""
+    growth = radius ** (1.0 / 3.0) if radius != 1.0 else 1.0
+    return p.equilibrium_gap * growth, p.equilibrium_stiffness * growth * growth
+
+
+@njit(cache=True)
 def gap(force, radius, p):
     """Gap at which a contact bears `force` > -F_adh: the inverse of `force`."""
     return -(((force + p.pull_off_force * radius) / (p.modulus * sqrt(radius))) ** (2.0 / 3.0))
+
+
+EFFECT = ContactLaw(DMT, DMTKernel, force, gap, pull_off_gap, pull_off_force, equilibrium)

@@ -16,24 +16,23 @@ and kappa h = 0.3, 1, 3 it is off by -0.6, -0.1, 5 % (constant potential) and by
 from __future__ import annotations
 
 from math import exp, pi
-from typing import TYPE_CHECKING, Literal, NamedTuple, Self
+from typing import Literal, NamedTuple, Self
 
 from numba import njit
 from pydantic import model_validator
 
+from mcdem.effects.kinds import Companions, EffectTable, PairForce
 from mcdem.errors import SceneError
-from mcdem.quantities.toml_tables import Table
+from mcdem.quantities.reduced_units import ReducedUnits
+from mcdem.quantities.suspension import Suspension
 from mcdem.quantities.units import PositiveDimensionless, PositiveLength, Potential
-
-if TYPE_CHECKING:
-    from mcdem.scene import Scene
 
 VACUUM_PERMITTIVITY = 8.8541878128e-12  # [F/m], CODATA 2018
 LARGEST_POTENTIAL = 0.060  # [V], Hogg, Healy & Fuerstenau (1966)
 SMALLEST_KAPPA_A = 10.0
 
 
-class DoubleLayer(Table):
+class DoubleLayer(EffectTable):
     """Electric double-layer repulsion in the linear Poisson-Boltzmann approximation."""
 
     surface_potential: Potential
@@ -64,24 +63,23 @@ class DoubleLayer(Table):
             raise ValueError('minimum_approach belongs to condition = "constant_charge": remove it')
         return self
 
-    def kernel(self, scene: Scene) -> DoubleLayerKernel:
+    def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> DoubleLayerKernel:
         """The parameters in reduced units; raises `SceneError` if the double layer is thick against the radius."""
-        unit = scene.reduced
-        kappa_a = unit.length / self.debye_length
-        smallest = min(scene.suspension.species)
+        kappa_a = units.length / self.debye_length
+        smallest = min(suspension.species)
         thinness = smallest / self.debye_length
         if thinness < SMALLEST_KAPPA_A:
             raise SceneError(
-                f"{scene.path or scene.name}: [effects.double_layer] debye_length = {self.debye_length * 1e9:g} nm makes "
+                f"[effects.double_layer] debye_length = {self.debye_length * 1e9:g} nm makes "
                 f"kappa a = {thinness:.3g}; expected at least {SMALLEST_KAPPA_A:g}, a debye_length of at most "
                 f"{smallest / SMALLEST_KAPPA_A * 1e9:g} nm, for the sphere formula to hold"
             )
         permittivity = VACUUM_PERMITTIVITY * self.relative_permittivity
         return DoubleLayerKernel(
-            strength=2.0 * pi * permittivity * self.surface_potential**2 / unit.force,
+            strength=2.0 * pi * permittivity * self.surface_potential**2 / units.force,
             wavenumber=kappa_a,
             sign=1.0 if self.condition == "constant_potential" else -1.0,
-            minimum_approach=(self.minimum_approach or 0.0) / unit.length,
+            minimum_approach=(self.minimum_approach or 0.0) / units.length,
         )
 
 
@@ -110,3 +108,6 @@ def force(h, radius, p):
     if h < 0.0:
         return value, 0.0
     return value, -p.wavenumber * value * share
+
+
+EFFECT = PairForce(DoubleLayer, DoubleLayerKernel, force)

@@ -6,15 +6,15 @@ J. Colloid Interface Sci. 192, 326.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from mcdem.quantities.toml_tables import Table
+from mcdem.effects.kinds import EffectTable
 from mcdem.quantities.units import Dimensionless, PositivePressure, PositiveSurfaceEnergy
 
 
-class ElasticContact(Table):
+class ElasticContact(EffectTable):
     """An adhesive elastic contact of two primaries of one material."""
 
     surface_energy: PositiveSurfaceEnergy
@@ -23,6 +23,19 @@ class ElasticContact(Table):
     """Elastic modulus E of the primary particles."""
     poisson_ratio: Annotated[Dimensionless, Field(gt=-1.0, le=0.5)]
     """Poisson ratio nu of the primary particles."""
+
+    friction_share: ClassVar[float]
+    """Adhesion that friction feels beside the load, over the pull-off force."""
+    rolls: ClassVar[bool] = False
+    """Whether the contact lags behind spheres that roll over it (Dominik & Tielens 1995)."""
+
+    def pull_off_force(self, radius: float) -> float:
+        """F_adh [N] of two spheres of `radius` [m]."""
+        raise NotImplementedError
+
+    def contact_radius(self, radius: float) -> float:
+        """b0 [m], without load, of two spheres of `radius` [m]."""
+        raise NotImplementedError
 
     @property
     def reduced_modulus(self) -> float:

@@ -16,18 +16,21 @@ Exact tests: Eq. 13 read backwards; the numbers of the paper's spheres (F_adh = 
 from __future__ import annotations
 
 from math import pi, sqrt
-from typing import TYPE_CHECKING, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from numba import njit
 
 from mcdem.effects.elastic_contact import ElasticContact
-
-if TYPE_CHECKING:
-    from mcdem.scene import Scene
+from mcdem.effects.kinds import Companions, ContactLaw
+from mcdem.quantities.reduced_units import ReducedUnits
+from mcdem.quantities.suspension import Suspension
 
 
 class JKR(ElasticContact):
     """Adhesive elastic contacts that bear tension up to the pull-off force."""
+
+    friction_share: ClassVar[float] = 2.0
+    rolls: ClassVar[bool] = True
 
     def pull_off_force(self, radius: float) -> float:
         """F_adh [N] of two spheres of `radius` [m] (Eq. 14)."""
@@ -37,12 +40,11 @@ class JKR(ElasticContact):
         """b0 [m], without load, of two spheres of `radius` [m]."""
         return float((2.25 * pi * self.surface_energy * radius**2 / self.reduced_modulus) ** (1.0 / 3.0))
 
-    def kernel(self, scene: Scene) -> JKRKernel:
+    def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> JKRKernel:
         """The parameters in reduced units, for two primaries of radius a."""
-        unit = scene.reduced
         return from_scales(
-            pull_off_force=self.pull_off_force(unit.length) / unit.force,
-            indentation=(self.contact_radius(unit.length) / unit.length) ** 2,
+            pull_off_force=self.pull_off_force(units.length) / units.force,
+            indentation=(self.contact_radius(units.length) / units.length) ** 2,
         )
 
 
@@ -110,8 +112,30 @@ def force(h, radius, p):
 
 
 @njit(cache=True)
+def pull_off_gap(radius, p):
+    """Gap beyond which a contact is lost."""
+    return p.pull_off_gap * (radius ** (1.0 / 3.0) if radius != 1.0 else 1.0)
+
+
+@njit(cache=True)
+def pull_off_force(radius, p):
+    """Largest tension that a contact bears."""
+    return p.pull_off_force * radius
+
+
+@njit(cache=True)
+def equilibrium(radius, p):
+    """(gap, stiffness) of a contact without load."""
+    growth = radius ** (1.0 / 3.0) if radius != 1.0 else 1.0
+    return p.equilibrium_gap * growth, p.equilibrium_stiffness * growth * growth
+
+
+@njit(cache=True)
 def gap(force, radius, p):
     """Gap at which a contact bears `force` > -F_adh: the inverse of `force`, Eq. 13 as it stands."""
     growth = radius ** (1.0 / 3.0) if radius != 1.0 else 1.0
     cube = 0.5 * (1.0 + sqrt(1.0 + force / (p.pull_off_force * radius)))
     return p.indentation * growth * cube ** (1.0 / 3.0) * (4.0 - 6.0 * cube) / 3.0
+
+
+EFFECT = ContactLaw(JKR, JKRKernel, force, gap, pull_off_gap, pull_off_force, equilibrium)

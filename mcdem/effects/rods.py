@@ -17,20 +17,19 @@ E I = k_t (2a)^3/2; a twin that keeps the rods as vectors fixed in the spheres.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_contact
 from mcdem.effects.tangential import ROLLS, STUCK, add_stiffness, cut_back, direction
-from mcdem.quantities.toml_tables import Table
+from mcdem.quantities.reduced_units import ReducedUnits
+from mcdem.quantities.suspension import Suspension
 from mcdem.quantities.units import PositiveLength, PositiveStiffness
 
-if TYPE_CHECKING:
-    from mcdem.scene import Scene
 
-
-class Rods(Table):
+class Rods(EffectTable):
     """Bonds that resist sliding and rolling alike (Becker & Briesen 2008); instead of sliding and rolling."""
 
     stiffness: PositiveStiffness
@@ -38,12 +37,16 @@ class Rods(Table):
     largest_displacement: PositiveLength
     """Displacement xi_max of the tip at which the rod slips; the bond bears a moment of at most 2 a k_t xi_max at each end."""
 
-    def kernel(self, scene: Scene) -> RodsKernel:
+    def refuse_company(self, effects: Companions) -> None:
+        require_contact("rods", effects)
+        if effects.get("sliding") or effects.get("rolling"):
+            raise ValueError("rods resist sliding and rolling already: remove sliding and rolling, or rods")
+
+    def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> RodsKernel:
         """The parameters in reduced units."""
-        unit = scene.reduced
         return RodsKernel(
-            stiffness=self.stiffness / unit.stiffness,
-            largest_displacement=self.largest_displacement / unit.length,
+            stiffness=self.stiffness / units.stiffness,
+            largest_displacement=self.largest_displacement / units.length,
         )
 
 
@@ -63,8 +66,17 @@ def limit(radius, p):
 
 
 @njit(cache=True)
-def resist(carried, q, normal, distance, radius, p, spring, loads, tangent):
+def limits(radius, p, out):
+    """Its rows of the limits (3, 2) of the springs of a contact."""
+    out[0, 0], out[0, 1] = limit(radius, p)
+    out[1, 0], out[1, 1] = limit(radius, p)
+
+
+@njit(cache=True)
+def resist(turned, p, response):
     """Add the loads and the stiffness of both rods; returns ROLLS if one of them slips, else STUCK."""
+    carried, q, normal, distance, radius = turned.carried, turned.q, turned.normal, turned.distance, turned.radius
+    spring, loads, tangent = response
     along = np.empty(3)
     code = STUCK
     for first in (0, 3):
@@ -78,3 +90,6 @@ def resist(carried, q, normal, distance, radius, p, spring, loads, tangent):
         if share < 1.0:
             code = ROLLS
     return code
+
+
+EFFECT = Resistance(Rods, RodsKernel, resist, limits, fixed_in_spheres=True)

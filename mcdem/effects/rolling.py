@@ -10,32 +10,35 @@ Exact tests: the work of any motion within the limit is its elastic energy; the 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_contact
 from mcdem.effects.tangential import ROLLS, STUCK, add_stiffness, cut_back, direction
-from mcdem.quantities.toml_tables import Table
+from mcdem.quantities.reduced_units import ReducedUnits
+from mcdem.quantities.suspension import Suspension
 from mcdem.quantities.units import PositiveLength
 
-if TYPE_CHECKING:
-    from mcdem.scene import Scene
 
-
-class Rolling(Table):
+class Rolling(EffectTable):
     """Rolling resistance of JKR contacts."""
 
     critical_displacement: PositiveLength
     """Rolling displacement xi_crit at which the contact moves on, between an atom's size and the radius of the contact."""
 
-    def kernel(self, scene: Scene) -> RollingKernel:
+    def refuse_company(self, effects: Companions) -> None:
+        require_contact("rolling", effects)
+        if not effects.contact.rolls:
+            raise ValueError("rolling is a law of JKR contacts: use jkr, or rods, whose stiffness is given")
+
+    def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> RollingKernel:
         """The parameters in reduced units."""
-        unit, contact = scene.reduced, scene.effects.contact
-        assert contact is not None  # `Effects` refuses a resistance without a contact
+        contact = effects.contact
         return RollingKernel(
-            stiffness=2.0 * contact.pull_off_force(unit.length) / unit.force,
-            largest_angle=2.0 * self.critical_displacement / unit.length,
+            stiffness=2.0 * contact.pull_off_force(units.length) / units.force,
+            largest_angle=2.0 * self.critical_displacement / units.length,
         )
 
 
@@ -55,8 +58,16 @@ def limit(radius, p):
 
 
 @njit(cache=True)
-def resist(carried, q, normal, radius, p, spring, loads, tangent):
+def limits(radius, p, out):
+    """Its row of the limits (3, 2) of the springs of a contact."""
+    out[1, 0], out[1, 1] = limit(radius, p)
+
+
+@njit(cache=True)
+def resist(turned, p, response):
     """Add the loads and the stiffness of rolling; returns ROLLS or STUCK."""
+    carried, q, normal, radius = turned.carried, turned.q, turned.normal, turned.radius
+    spring, loads, tangent = response
     stiffness = p.stiffness * radius * radius
     for k in range(3):
         spring[3 + k] = carried[3 + k] + q[3 + k] - q[k]
@@ -71,3 +82,6 @@ def resist(carried, q, normal, radius, p, spring, loads, tangent):
     add_stiffness(tangent, 3, 0, -stiffness * share, normal, along)
     add_stiffness(tangent, 3, 3, stiffness * share, normal, along)
     return ROLLS if share < 1.0 else STUCK
+
+
+EFFECT = Resistance(Rolling, RollingKernel, resist, limits)

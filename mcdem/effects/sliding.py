@@ -15,42 +15,42 @@ Exact tests: the work of any motion within the limit is the energy k_T s^2/2; th
 from __future__ import annotations
 
 from math import inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from mcdem.effects.dmt import DMT
-from mcdem.effects.jkr import JKR
+from mcdem.effects.elastic_contact import ElasticContact
+from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_contact
 from mcdem.effects.tangential import SLIDES, STUCK, add_stiffness, cut_back, direction
-from mcdem.quantities.toml_tables import Table
+from mcdem.quantities.reduced_units import ReducedUnits
+from mcdem.quantities.suspension import Suspension
 from mcdem.quantities.units import PositiveDimensionless
 
-if TYPE_CHECKING:
-    from mcdem.scene import Scene
 
-
-class Sliding(Table):
+class Sliding(EffectTable):
     """Friction of contacts; needs a contact law, whose material sets the stiffness."""
 
     friction_coefficient: PositiveDimensionless
     """Largest tangential over normal force mu_f, the normal force with the adhesion added."""
 
-    def kernel(self, scene: Scene) -> SlidingKernel:
+    def refuse_company(self, effects: Companions) -> None:
+        require_contact("sliding", effects)
+
+    def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> SlidingKernel:
         """The parameters in reduced units."""
-        unit, contact = scene.reduced, scene.effects.contact
-        assert contact is not None  # `Effects` refuses a resistance without a contact
-        stiffness = 8.0 * contact.reduced_shear_modulus * contact.contact_radius(unit.length)
+        contact = effects.contact
+        stiffness = 8.0 * contact.reduced_shear_modulus * contact.contact_radius(units.length)
         return SlidingKernel(
-            stiffness=stiffness / unit.stiffness,
+            stiffness=stiffness / units.stiffness,
             friction_coefficient=self.friction_coefficient,
-            cohesion=cohesion(contact, unit.length) / unit.force,
+            cohesion=cohesion(contact, units.length) / units.force,
         )
 
 
-def cohesion(contact: JKR | DMT, radius: float) -> float:
+def cohesion(contact: ElasticContact, radius: float) -> float:
     """Force [N] by which adhesion adds to the load that friction feels: 2 F_adh (JKR) or F_adh (DMT)."""
-    return (2.0 if isinstance(contact, JKR) else 1.0) * contact.pull_off_force(radius)
+    return contact.friction_share * contact.pull_off_force(radius)
 
 
 class SlidingKernel(NamedTuple):
@@ -74,8 +74,16 @@ def limit(radius, p):
 
 
 @njit(cache=True)
-def resist(carried, q, normal, distance, share_1, radius, normal_force, p, spring, loads, tangent):
+def limits(radius, p, out):
+    """Its row of the limits (3, 2) of the springs of a contact."""
+    out[0, 0], out[0, 1] = limit(radius, p)
+
+
+@njit(cache=True)
+def resist(turned, p, response):
     """Add the loads and the stiffness of sliding; F_n > 0 is compression; returns SLIDES or STUCK."""
+    carried, q, normal, distance, share_1, radius, normal_force = turned
+    spring, loads, tangent = response
     stiffness = p.stiffness * (radius ** (2.0 / 3.0) if radius != 1.0 else 1.0)
     unloaded, growth = limit(radius, p)
     share_2 = 1.0 - share_1
@@ -100,3 +108,6 @@ def resist(carried, q, normal, distance, share_1, radius, normal_force, p, sprin
     add_stiffness(tangent, 3, 0, scale * share_1 * share_2, normal, across)
     add_stiffness(tangent, 3, 3, scale * share_2 * share_2, normal, across)
     return SLIDES if share < 1.0 else STUCK
+
+
+EFFECT = Resistance(Sliding, SlidingKernel, resist, limits)

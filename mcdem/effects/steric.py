@@ -11,20 +11,19 @@ Exact tests: -dF/dh is pi a_eff P; force and slope vanish where the brushes part
 from __future__ import annotations
 
 from math import pi, sqrt
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from numba import njit
 
-from mcdem.quantities.toml_tables import Table
+from mcdem.effects.kinds import Companions, EffectTable, PairForce, refuse_contact
+from mcdem.quantities.reduced_units import ReducedUnits
+from mcdem.quantities.suspension import Suspension
 from mcdem.quantities.units import PositiveLength, PositiveTemperature
-
-if TYPE_CHECKING:
-    from mcdem.scene import Scene
 
 BOLTZMANN = 1.380649e-23  # [J/K]
 
 
-class Steric(Table):
+class Steric(EffectTable):
     """Steric repulsion of polymer brushes in a good solvent (Alexander and de Gennes)."""
 
     brush_thickness: PositiveLength
@@ -34,13 +33,15 @@ class Steric(Table):
     temperature: PositiveTemperature
     """Absolute temperature."""
 
-    def kernel(self, scene: Scene) -> StericKernel:
+    def refuse_company(self, effects: Companions) -> None:
+        refuse_contact("steric", effects)
+
+    def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> StericKernel:
         """The parameters in reduced units."""
-        unit = scene.reduced
         pressure = BOLTZMANN * self.temperature / self.grafting_distance**3
         return StericKernel(
-            pressure=pressure / (unit.force / unit.length**2),
-            range=2.0 * self.brush_thickness / unit.length,
+            pressure=pressure / (units.force / units.length**2),
+            range=2.0 * self.brush_thickness / units.length,
         )
 
 
@@ -77,3 +78,6 @@ def force(h, radius, p):
     if h < floor:
         return value + slope * (h - floor), slope
     return value, slope
+
+
+EFFECT = PairForce(Steric, StericKernel, force)

@@ -16,10 +16,10 @@ Laws add (`Effects`); each states which part of the history it keeps.
 
 One step of one contact, for an integrator that finds the motion of the step by iteration:
 
-    relative_turns(before, after, turn_1, turn_2, rods,
+    relative_turns(before, after, turn_1, turn_2, fixed,
                    q, normals, spins)                                   what the motion does to the contact
     carry(history, normals[0], normals[1], spins, carried)              springs, turned with the pair to the middle of the step
-    contact_resistance(carried, q, ..., spring, loads, tangent)         springs at the end of the step, loads, stiffness
+    contact_resistance(turned, resistances, response)                   springs at the end of the step, loads, stiffness
     spread(loads, normals[1], distance, force_2, torque_1, torque_2)    what acts on the spheres
     turn_map(normals[1], distance, B)                                   stiffness of the spheres' motion: B^T tangent B
     carry(spring, normals[1], normals[2], spins, history)               once, when the step is done
@@ -40,11 +40,11 @@ SLIDES, ROLLS, TWISTS = 1, 2, 4  # bits of the code that a law returns for sprin
 
 
 @njit(cache=True)
-def relative_turns(before, after, turn_1, turn_2, rods, q, normals, spins):
+def relative_turns(before, after, turn_1, turn_2, fixed, q, normals, spins):
     """Turns `q` (7,) over a step that takes r from `before` to `after` while the spheres turn by `turn_1`, `turn_2`.
 
     `normals` (3, 3) become those at the start, the middle and the end of the step; `spins` (2,) tan(psi/2) of the spin psi about
-    the line of centres by which the two vectors of a history turn: that of the pair, or with `rods` that of their spheres.
+    the line of centres by which the two vectors of a history turn: that of the pair, or, `fixed` in their spheres, that of these.
     Returns |r| in the middle.
     """
     normal = normals[1]
@@ -70,7 +70,7 @@ def relative_turns(before, after, turn_1, turn_2, rods, q, normals, spins):
         q[3 + k] = turn_2[k] - spin_2 * normal[k] - line
     q[6] = spin_2 - spin_1
     # A body turns by u = line + spin n; after the shortest turn of n, what is left is a spin of tan(psi/2) = u . n_start/2.
-    if rods is not None:
+    if fixed:
         spins[0], spins[1] = 0.5 * spin_1 * cosine, 0.5 * spin_2 * cosine
     else:
         spins[:] = 0.25 * (spin_1 + spin_2) * cosine

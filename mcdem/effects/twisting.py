@@ -14,36 +14,37 @@ factors are the moments of uniform friction and of uniform displacement over a d
 from __future__ import annotations
 
 from math import inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from numba import njit
 
+from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_contact
 from mcdem.effects.sliding import cohesion
 from mcdem.effects.tangential import STUCK, TWISTS
-from mcdem.quantities.toml_tables import Table
+from mcdem.quantities.reduced_units import ReducedUnits
+from mcdem.quantities.suspension import Suspension
 from mcdem.quantities.units import PositiveDimensionless
 
-if TYPE_CHECKING:
-    from mcdem.scene import Scene
 
-
-class Twisting(Table):
+class Twisting(EffectTable):
     """Twisting resistance of contacts; needs a contact law, whose material sets the stiffness."""
 
     friction_coefficient: PositiveDimensionless
     """Largest tangential over normal stress in the contact, mu_f, as for sliding."""
 
-    def kernel(self, scene: Scene) -> TwistingKernel:
+    def refuse_company(self, effects: Companions) -> None:
+        require_contact("twisting", effects)
+
+    def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> TwistingKernel:
         """The parameters in reduced units."""
-        unit, contact = scene.reduced, scene.effects.contact
-        assert contact is not None  # `Effects` refuses a resistance without a contact
-        contact_radius = contact.contact_radius(unit.length) / unit.length
-        sliding = 8.0 * contact.reduced_shear_modulus * contact_radius * unit.length / unit.stiffness
+        contact = effects.contact
+        contact_radius = contact.contact_radius(units.length) / units.length
+        sliding = 8.0 * contact.reduced_shear_modulus * contact_radius * units.length / units.stiffness
         return TwistingKernel(
             stiffness=0.5 * sliding * contact_radius**2,
             lever=2.0 / 3.0 * contact_radius,
             friction_coefficient=self.friction_coefficient,
-            cohesion=cohesion(contact, unit.length) / unit.force,
+            cohesion=cohesion(contact, units.length) / units.force,
         )
 
 
@@ -72,8 +73,16 @@ def limit(radius, p):
 
 
 @njit(cache=True)
-def resist(carried, q, radius, normal_force, p, spring, loads, tangent):
+def limits(radius, p, out):
+    """Its row of the limits (3, 2) of the springs of a contact."""
+    out[2, 0], out[2, 1] = limit(radius, p)
+
+
+@njit(cache=True)
+def resist(turned, p, response):
     """Add the load and the stiffness of twisting; F_n > 0 is compression; returns TWISTS or STUCK."""
+    carried, q, radius, normal_force = turned.carried, turned.q, turned.radius, turned.normal_force
+    spring, loads, tangent = response
     stiffness = p.stiffness * radius * radius
     unloaded, growth = limit(radius, p)
     largest = max(unloaded + growth * normal_force, 0.0)
@@ -84,3 +93,6 @@ def resist(carried, q, radius, normal_force, p, spring, loads, tangent):
         return TWISTS
     tangent[6, 6] += stiffness
     return STUCK
+
+
+EFFECT = Resistance(Twisting, TwistingKernel, resist, limits)

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mcdem.effects import contact_force
+from mcdem.effects.sums import contact_force
+from mcdem.integrators.rotations import turn_back
 from mcdem.integrators.state import Motion, Physics, harmonic_radius
-from mcdem.rigid_aggregates.statics import RigidBody, turn_back
+from mcdem.rigid_aggregates.statics import RigidBody
 
 
 class Frames(NamedTuple):
@@ -64,8 +65,7 @@ def keep(
                 -contact_force(
                     distance - part.radii[i] - part.radii[j],
                     harmonic_radius(part.radii[i], part.radii[j]),
-                    physics.jkr,
-                    physics.dmt,
+                    physics.contact,
                 )[0]
                 for i, j, distance in zip(first, second, distances, strict=True)
             ]

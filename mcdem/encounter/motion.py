@@ -23,18 +23,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcdem.aggregates.aggregate import centre_of_mass
-from mcdem.effects import non_contact_force
+from mcdem.effects.sums import non_contact_force
 from mcdem.encounter import frames as recording
 from mcdem.encounter.frames import Frames
-from mcdem.hydrodynamics import stokesian
+from mcdem.hydrodynamics.resistance import workspace
+from mcdem.hydrodynamics.undisturbed_flow import UndisturbedFlow, spin_component
 from mcdem.integrators.bodies import centre_and_reach, label_bodies
-from mcdem.integrators.explicit_euler import PaperOptions
-from mcdem.integrators.implicit_midpoint import ImplicitOptions, find_gaps, scratch
-from mcdem.integrators.state import DONE, PARTED, PAUSED, SETTLED, Flow, Log, Motion, Physics, new_history
-from mcdem.integrators.time_loop import march, new_watch
+from mcdem.integrators.pairs import find_gaps
+from mcdem.integrators.scheme import scheme_of
+from mcdem.integrators.state import (
+    DONE,
+    PARTED,
+    PAUSED,
+    SETTLED,
+    Group,
+    Log,
+    Motion,
+    Physics,
+    new_history,
+)
+from mcdem.integrators.time_loop import Bounds, follow_steps, new_watch
 from mcdem.rigid_aggregates.passage import approach, pass_by
-from mcdem.rigid_aggregates.statics import RIGID, RigidBody, analyse, tumble, worst_load
-from mcdem.rigid_aggregates.statics_with_torques import analyse_with_moments
+from mcdem.rigid_aggregates.statics import RIGID, RigidBody, analyse, turn_rigidly, worst_load
+from mcdem.rigid_aggregates.statics_with_torques import analyse_with_torques
 
 RIGID_STEP = 0.1
 """Step of rigid bodies in 1/g; their motion is smooth, and second order in it."""
@@ -74,14 +85,13 @@ class Waiting(NamedTuple):
 class Course:
     """All that stays the same while an encounter is followed, and its log.
 
-    implicit, paper : options of the stepping scheme; exactly one is given
+    options : of the scheme (`integrators`)
     end, most_steps : time [1/g] and number of steps at which it ends;  frames : None unless it is recorded
     """
 
-    flow: Flow
+    flow: UndisturbedFlow
     physics: Physics
-    implicit: ImplicitOptions | None
-    paper: PaperOptions | None
+    options: NamedTuple
     shortcuts: Shortcuts
     log: Log
     end: float
@@ -161,29 +171,18 @@ def follow(part: Motion, members: NDArray[np.intp], course: Course, posture: Pos
     rested = n > 1 and log.steps[0] == 0
     if posture is not None and rest_as_body(part, members, posture, course):
         return DONE
-    work, history, gaps = scratch(n, part.springs is not None), new_history(part), np.empty((n, n))
+    work = scheme_of(course.options).workspace(n, part.springs is not None)
+    history, gaps = new_history(part), np.empty((n, n))
     find_gaps(part.positions, part.radii, gaps)
     watch = new_watch(log, course.now - shortcuts.quiet_time if rested and posture is None else course.now)
     quiet_time = shortcuts.quiet_time if shortcuts.rigid_rotation or shortcuts.inert else math.inf
     while True:
         recording.keep(course.frames, part, members, course.physics, course.now)
-        code = march(
-            part,
-            history,
-            gaps,
-            work,
-            course.flow,
-            course.physics,
-            course.implicit,
-            course.paper,
-            log,
-            watch,
-            shortcuts.separation,
-            quiet_time,
-            course.next_frame,
-            course.end,
-            course.most_steps,
+        bounds = Bounds(
+            shortcuts.separation, quiet_time, course.next_frame, course.end, course.most_steps
         )
+        group = Group(part, history, gaps, work)
+        code = follow_steps(group, course.flow, course.physics, course.options, log, watch, bounds)
         if code == PAUSED:
             continue
         if code != SETTLED:
@@ -216,37 +215,13 @@ def rest_as_body(part: Motion, members: NDArray[np.intp], posture: Posture, cour
 def analysed(part: Motion, physics: Physics) -> tuple[RigidBody | None, NDArray[np.float64]]:
     """The rigid body (None if it is not one) of a part that is connected, and its centre (3,)."""
     centre = centre_of_mass(part.positions, part.radii)
+    n, about = len(part.radii), part.positions - centre
     if part.springs is not None:
-        code, body = analyse_with_moments(
-            stokesian.workspace(len(part.radii)),
-            part.positions - centre,
-            part.bonded,
-            part.springs,
-            part.radii,
-            physics,
-            physics.coupled,
-            physics.stresslets,
-            physics.table,
-        )
+        code, body = analyse_with_torques(workspace(n), about, part.bonded, part.springs, part.radii, physics)
         return (body if code == RIGID else None), centre
-    if len(part.radii) > 1 and np.count_nonzero(part.bonded) // 2 < max(3 * len(part.radii) - 6, 1):
+    if n > 1 and np.count_nonzero(part.bonded) // 2 < max(3 * n - 6, 1):
         return None, centre
-    code, body = analyse(
-        stokesian.workspace(len(part.radii)),
-        part.positions - centre,
-        part.bonded,
-        part.radii,
-        physics.cutoff,
-        physics.shifted,
-        physics.coupled,
-        physics.stresslets,
-        physics.table,
-        physics.van_der_waals,
-        physics.double_layer,
-        physics.short_range,
-        physics.jkr,
-        physics.dmt,
-    )
+    code, body = analyse(workspace(n), about, part.bonded, part.radii, physics)
     return (body if code == RIGID else None), centre
 
 
@@ -260,9 +235,7 @@ def place(part: Motion, body: RigidBody, turn, centre, gradient, springs) -> Non
         part.springs[..., :3], part.springs[..., 3:6] = springs[..., :3] @ turn.T, springs[..., 3:6] @ turn.T
     about = body.positions @ turn.T
     part.positions[:] = centre + about
-    spin = 0.5 * np.array(
-        [gradient[2, 1] - gradient[1, 2], gradient[0, 2] - gradient[2, 0], gradient[1, 0] - gradient[0, 1]]
-    )
+    spin = np.array([spin_component(gradient, k) for k in range(3)])
     part.velocities[:] = np.cross(spin, about) + gradient @ centre
 
 
@@ -273,9 +246,7 @@ def roll_on(part: Motion, members: NDArray[np.intp], posture: Posture, course: C
     stopped, home = False, centre.copy()
     while not stopped and course.now < course.end - 1e-12:
         duration = min(course.end, course.next_frame) - course.now
-        elapsed, load, stopped = tumble(
-            body, turn, centre, flow.gradient, flow.strain, duration, RIGID_STEP, limit
-        )
+        elapsed, load, stopped = turn_rigidly(body, turn, centre, flow, duration, RIGID_STEP, limit)
         if flow.centred is not None:
             centre[:] = home
         course.skip(elapsed)
@@ -384,9 +355,7 @@ def miss(pair: RigidPair, course: Course) -> list[Waiting] | None:
     shortcuts, physics = course.shortcuts, course.physics
     if shortcuts.sure_miss <= 0.0 or shortcuts.separation <= 0.0:
         return None
-    force, _ = non_contact_force(
-        shortcuts.sure_miss, 1.0, physics.van_der_waals, physics.double_layer, physics.short_range
-    )
+    force, _ = non_contact_force(shortcuts.sure_miss, 1.0, physics.pair_forces)
     if abs(force) > WEAK:
         return None
     before = pair.turns.copy(), pair.centres.copy()

@@ -11,7 +11,7 @@ import math
 import time
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 import threadpoolctl
@@ -20,12 +20,12 @@ from mcdem.aggregates.aggregate import Aggregate, centre_of_mass, radii_of, spli
 from mcdem.encounter.frames import Frames, new_frames
 from mcdem.encounter.motion import Course, Shortcuts, integrate
 from mcdem.errors import UserError
+from mcdem.hydrodynamics import LEVELS
 from mcdem.hydrodynamics.grand_mobility import tensor_to_five
-from mcdem.hydrodynamics.two_sphere.tables import lubrication_tables
-from mcdem.integrators import state
-from mcdem.integrators.explicit_euler import PaperOptions
-from mcdem.integrators.implicit_midpoint import ImplicitOptions
-from mcdem.quantities import linear_flows as inflow
+from mcdem.hydrodynamics.undisturbed_flow import UndisturbedFlow
+from mcdem.integrators import SCHEMES, state
+from mcdem.integrators.scheme import Scales
+from mcdem.quantities import linear_flows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -103,69 +103,44 @@ class EncounterResult:
 
 
 @lru_cache(maxsize=32)
-def physics_of(scene: Scene) -> tuple[state.Flow, state.Physics]:
-    """The compiled code's view of a scene: flow and effects in reduced units, absent effects None."""
-    gradient = inflow.gradient(scene.flow)
+def physics_of(scene: Scene) -> tuple[UndisturbedFlow, state.Physics]:
+    """The compiled code's view of a scene: its flow, and what acts on the primaries, in reduced units."""
+    gradient = linear_flows.gradient(scene.flow)
     strain = 0.5 * (gradient + gradient.T)
     five = np.empty(5)
     tensor_to_five(strain, five)
-    kernels = scene.effects.kernels(scene)
-    level = scene.hydrodynamics.level
-    physics = state.Physics(
-        cutoff=scene.hydrodynamics.lubrication_cutoff,
-        shifted=scene.hydrodynamics.cutoff_reading == "gap",
-        coupled=True if level != "free_draining" else None,
-        stresslets=True if scene.hydrodynamics.stresslets else None,
-        table=lubrication_tables(scene.reduced_radii) if level == "stokesian" else None,
-        van_der_waals=kernels.van_der_waals,
-        double_layer=kernels.double_layer,
-        short_range=kernels.short_range,
-        jkr=kernels.jkr,
-        dmt=kernels.dmt,
-        sliding=kernels.sliding,
-        rolling=kernels.rolling,
-        twisting=kernels.twisting,
-        rods=kernels.rods,
+    hydrodynamics = scene.hydrodynamics
+    level = LEVELS[hydrodynamics.level].build(
+        hydrodynamics.lubrication_cutoff, hydrodynamics.cutoff_convention == "gap", scene.reduced_radii
     )
+    kernels = scene.effects.kernels(scene.reduced, scene.suspension)
     centred: Literal[True] | None = None if scene.flow.kind == "simple_shear" else True
-    return state.Flow(gradient, strain, five, centred), physics
+    return (
+        UndisturbedFlow(gradient, strain, five, centred),
+        state.Physics(level, kernels.pair_forces, kernels.contact, kernels.resistances),
+    )
+
+
+SMOOTH = 3e-4
+"""Roughness over a, where no effect of the scene has a length that steps must resolve close to contact: the paper's."""
 
 
 @lru_cache(maxsize=32)
-def scheme_of(scene: Scene) -> tuple[ImplicitOptions | None, PaperOptions | None]:
-    """The stepping scheme's options in reduced units; the scheme that is not chosen is None."""
-    numerics, van_der_waals = scene.numerics, scene.effects.van_der_waals
-    roughness = (
-        van_der_waals.minimum_approach / scene.suspension.radius if van_der_waals is not None else 3e-4
-    )
-    if numerics.scheme == "paper":
-        return None, PaperOptions(
-            base_step=numerics.paper_base_step * scene.flow.shear_rate,
-            minimum_approach=roughness,
-            normal_component=numerics.paper_step_velocity == "normal",
-            close_gap=numerics.paper_close_gap,
-        )
-    refinement = min(numerics.max_step / 0.2, 1.0)
-    return (
-        ImplicitOptions(
-            max_step=numerics.max_step,
-            event_step=numerics.event_step,
-            gap_fraction=0.4 * refinement,
-            gap_floor=3.0 * roughness * refinement,
-            turn_limit=0.04 * refinement,
-            close_gap=0.05,
-            far_field_lag=numerics.far_field_lag,
-        ),
-        None,
-    )
+def options_of(scene: Scene) -> NamedTuple:
+    """The options of the scheme that the scene chooses, in reduced units."""
+    name, length = scene.numerics.scheme, scene.effects.step_length
+    roughness = SMOOTH if length is None else length / scene.suspension.radius
+    scales = Scales(roughness, scene.flow.shear_rate)
+    options: NamedTuple = SCHEMES[name].build(getattr(scene.numerics, name), scales)
+    return options
 
 
 def shortcuts_of(scene: Scene) -> Shortcuts:
-    """The shortcuts that the scene takes: the paper's scheme none, and no approach by stresslets where there are none."""
+    """The shortcuts that the scene takes: a reference scheme none, and no approach by stresslets where there are none."""
     numerics = scene.numerics
-    taken = numerics.scheme == "implicit"
+    taken = SCHEMES[numerics.scheme].shortcuts
     return Shortcuts(
-        far_approach=numerics.far_approach if taken and scene.hydrodynamics.stresslets else 0.0,
+        far_approach=numerics.far_approach if taken and LEVELS[scene.hydrodynamics.level].stresslet_couplings else 0.0,
         sure_miss=numerics.sure_miss if taken else 0.0,
         separation=numerics.separation if taken else 0.0,
         rigid_rotation=taken and numerics.rigid_rotation,
@@ -196,8 +171,8 @@ def start_of(
         start = np.array([x0, y0, z0])
         approach = abs(z0) / abs(y0) if y0 != 0.0 else math.inf
     else:
-        entry = inflow.entry_of(scene.flow, reach, offset)
-        start, approach = inflow.upstream(inflow.gradient(scene.flow), entry, numerics.start_distance * reach)
+        entry = linear_flows.entry_of(scene.flow, reach, offset)
+        start, approach = linear_flows.upstream(linear_flows.gradient(scene.flow), entry, numerics.start_distance * reach)
     longest = numerics.longest_approach
     return start, min(approach, longest) + 4.0 * math.pi * numerics.rotations, approach > longest
 
@@ -231,7 +206,7 @@ def simulate_encounter(
     radii, units = radii_of_pair(scene, pair), scene.reduced
     reach = sum(a.outer_radius(scene.suspension.radius) for a in pair)
     x0, y0 = (
-        inflow.draw_offset(scene.flow, reach, rng) if offset is None else (float(offset[0]), float(offset[1]))
+        linear_flows.draw_offset(scene.flow, reach, rng) if offset is None else (float(offset[0]), float(offset[1]))
     )
     if not (math.isfinite(x0) and math.isfinite(y0)):
         raise UserError(f"offset: ({x0}, {y0}) m, expected two finite lengths in metres")
@@ -254,11 +229,10 @@ def simulate_encounter(
         parent,
         springs_of(pair) if scene.effects.resisting else None,
     )
-    implicit, paper = scheme_of(scene)
     log = state.new_log()
     frames = new_frames(record.interval, strain, sum(sizes)) if record is not None else None
     course = Course(
-        flow, physics, implicit, paper, shortcuts_of(scene), log, strain, scene.numerics.most_steps, frames
+        flow, physics, options_of(scene), shortcuts_of(scene), log, strain, scene.numerics.most_steps, frames
     )
     started = time.process_time()
     with _linear_algebra().limit(limits=1, user_api="blas"):

@@ -2,12 +2,12 @@
 
 The far-field resistance is what costs most of a step and varies slowest.  Its matrix is kept from one step to the next, each
 body's share turned with the body, or all turned together.  The moments of now
-(stresslets, torques and forces on the fluid) are foreseen as phi' from those of the last two steps, what the true mobility M
+(stresslets, torques and forces on the fluid) are predicted as phi' from those of the last two steps, what the true mobility M
 makes of them is computed pair by pair, and what it misses is corrected by the kept factor B ~ M^-1:
 
     phi = phi' + B (rates - M phi')
 
-The error is B's, times only that of the foreseen moments, while a kept matrix alone would put its own error on all of them.
+The error is B's, times only that of the predicted moments, while a kept matrix alone would put its own error on all of them.
 The matrix is made anew when a separation has changed beyond the turn by more than a share of the gap plus one radius, and when
 contacts change, since the last moments then tell little.
 """
@@ -18,9 +18,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.extending import overload
 
-from mcdem.hydrodynamics import stokesian
+from mcdem.hydrodynamics import level as levels
 from mcdem.hydrodynamics.grand_mobility import five_tensor, tensor_to_five
+from mcdem.hydrodynamics.level import level_of
 from mcdem.hydrodynamics.linear_algebra import (
     add_product,
     add_transposed_product,
@@ -30,10 +32,10 @@ from mcdem.hydrodynamics.linear_algebra import (
 from mcdem.hydrodynamics.mobility_product import apply_mobility
 
 # Number of primaries from which keeping a far field costs less than a new one.
-LAG_PAYS = 8
+PAYS_FROM = 8
 
 
-class Lagged(NamedTuple):
+class FrozenFarField(NamedTuple):
     """A far field and where it was made; its Cholesky factor stays in `Work.mobility`.
 
     Moments are kept in the frame of that moment, ordered (stresslets 5N | torques 3N | forces 3N).
@@ -43,7 +45,7 @@ class Lagged(NamedTuple):
     known: np.ndarray  # (1,) how many of the last two steps `moments` holds
     resistance: np.ndarray  # (6N, 6N)
     moments: np.ndarray  # (2, 11N) of the last two steps, newest first
-    foreseen: np.ndarray  # (11N,) of this step
+    predicted: np.ndarray  # (11N,) of this step
     still: np.ndarray  # (11N,) of spheres held still in this one, as far as known
     answer: np.ndarray  # (11N,) work space, as is
     half: np.ndarray  # (6N,)
@@ -55,9 +57,9 @@ class Lagged(NamedTuple):
     rates: np.ndarray  # (12, N)
 
 
-def new_lagged(n: int) -> Lagged:
+def nothing_frozen(n: int) -> FrozenFarField:
     """Nothing kept yet."""
-    return Lagged(
+    return FrozenFarField(
         np.zeros(1, np.bool_),
         np.zeros(1, np.int64),
         np.empty((6 * n, 6 * n)),
@@ -166,8 +168,9 @@ def worst_change(kept, positions, radii):
 
 
 @njit(cache=True)
-def still_good(kept, positions, radii, labels, bodies, together, tolerance):
+def still_good(kept, middle, radii, tolerance):
     """Turn the kept far field along, body by body or all together, whichever fits; whether it is within `tolerance`."""
+    positions, labels, bodies, together = middle.positions, middle.labels, middle.bodies, kept.together
     follow_turns(kept, positions, labels, bodies)
     if worst_change(kept, positions, radii) <= tolerance:
         return True
@@ -299,28 +302,27 @@ def apply_kept(kept, work, rates, strained):
 
 
 @njit(cache=True)
-def hold_still(kept, work, radii, positions, strain, correct, share):
+def hold_still(kept, work, radii, middle, strain, correct):
     """Moments of spheres held still in the strain (3, 3) into `kept.still`, and their drive into `work.drive`.
 
-    correct : whether the kept matrix is not that of `positions` and the foreseen moments are to correct it
-    share : time from the last step to this one, over that from the one before to the last
+    correct : whether the kept matrix is not that of `middle` and the predicted moments are to correct it
     """
-    n = radii.shape[0]
+    n, positions, share = radii.shape[0], middle.positions, middle.share
     if correct:
         last, older = kept.moments[0], kept.moments[1]
         beyond = share if kept.known[0] > 1 else 0.0
         for k in range(11 * n):
-            kept.foreseen[k] = last[k] + (beyond * (last[k] - older[k]) if beyond > 0.0 else 0.0)
+            kept.predicted[k] = last[k] + (beyond * (last[k] - older[k]) if beyond > 0.0 else 0.0)
         for i in range(n):
             for k in range(3):
                 kept.places[k, i] = positions[i, k]
-        moments_as_rows(kept, kept.foreseen, kept.rows)
+        moments_as_rows(kept, kept.predicted, kept.rows)
         apply_mobility(kept.places, radii, kept.rows, kept.rates)
     misfit(kept, strain, correct, kept.still)
     apply_kept(kept, work, kept.still, True)
     if correct:
         for k in range(11 * n):
-            kept.still[k] += kept.foreseen[k]
+            kept.still[k] += kept.predicted[k]
     for i in range(n):
         for p in range(3):
             work.drive[3 * i + p] = -turned(kept.turns[i], kept.still, 5 * n + 3 * i, p)
@@ -391,33 +393,57 @@ def keep(kept, work, positions):
     kept.made[0] = True
 
 
-@njit(cache=True)
-def far_field(kept, work, radii, positions, labels, bodies, strain, share, tolerance, coupled, stresslets):
-    """Resistance and drive without lubrication at a level into `work`, kept (`tolerance` > 0) or made anew; 0 or an error code.
+class Middle(NamedTuple):
+    """Where a step takes the hydrodynamics: at its extrapolated midpoint."""
 
-    Only the far field with stresslets is worth keeping.  share : as of `hold_still`
+    positions: np.ndarray  # (N, 3)
+    labels: np.ndarray  # (N,) the body of each sphere
+    bodies: int
+    share: float  # time from the last step to this one, over that from the one before to the last
+
+
+def _far_field(level, kept, work, radii, middle, flow, tolerance):
+    raise NotImplementedError("compiled code only")
+
+
+@overload(_far_field)
+def _(level, kept, work, radii, middle, flow, tolerance):
+    if level_of(level).stresslet_couplings:
+        return lambda level, kept, work, radii, middle, flow, tolerance: frozen_or_new(
+            level, kept, work, radii, middle, flow, tolerance
+        )
+
+    def new(level, kept, work, radii, middle, flow, tolerance):
+        levels.strain_drive(level, work, flow.strain_five)
+        return levels.resistance(level, work, radii)
+
+    return new
+
+
+@njit(cache=True)
+def far_field(level, kept, work, radii, middle, flow, tolerance):
+    """Resistance and drive without lubrication into `work`, kept (`tolerance` > 0) or made anew; 0 or an error code.
+
+    Only a far field with stresslets is worth keeping.
     """
-    five = np.empty(5)
-    tensor_to_five(strain, five)
-    if stresslets is None:
-        stokesian.level_drive(work, five, stresslets)
-        return stokesian.level_resistance(work, radii, coupled, stresslets)
-    if tolerance <= 0.0 or radii.shape[0] < LAG_PAYS:
-        code = stokesian.far_field_resistance(work, radii)
+    return _far_field(level, kept, work, radii, middle, flow, tolerance)
+
+
+@njit(cache=True)
+def frozen_or_new(level, kept, work, radii, middle, flow, tolerance):
+    """`far_field` of a level with stresslets."""
+    if tolerance <= 0.0 or radii.shape[0] < PAYS_FROM:
+        code = levels.resistance(level, work, radii)
         if code == 0:
-            stokesian.far_field_drive(work, five)
+            levels.strain_drive(level, work, flow.strain_five)
         return code
-    good = (
-        kept.made[0]
-        and kept.known[0] > 0
-        and still_good(kept, positions, radii, labels, bodies, kept.together, tolerance)
-    )
+    good = kept.made[0] and kept.known[0] > 0 and still_good(kept, middle, radii, tolerance)
     if good:
         turned_resistance(kept, work)
     else:
-        code = stokesian.far_field_resistance(work, radii)
+        code = levels.resistance(level, work, radii)
         if code != 0:
             return code
-        keep(kept, work, positions)
-    hold_still(kept, work, radii, positions, strain, good, share)
+        keep(kept, work, middle.positions)
+    hold_still(kept, work, radii, middle, flow.strain, good)
     return 0

@@ -77,7 +77,7 @@ def mobility_product(places, radii, stresslets, torques, forces):
 
 
 @njit(cache=True)
-def near_blocks(positions, radii, pairs, cutoff, shifted, strain, table, blocks, own, drive):
+def near_blocks(positions, radii, pairs, level, strain, blocks, own, drive):
     """Two-body part of some pairs (B, 2), i > j.
 
     blocks (B, 6, 6) resistance of i against j in the order (omega, u); own (N, 6, 6) that of each against itself, added to;
@@ -87,7 +87,7 @@ def near_blocks(positions, radii, pairs, cutoff, shifted, strain, table, blocks,
     local = np.empty((12, 12))
     for p in range(pairs.shape[0]):
         i, j = pairs[p, 0], pairs[p, 1]
-        shift = pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d)
+        shift = pair_of(positions, radii, i, j, level, raw, scalars, d)
         local[:] = 0.0
         lubrication.add_pair_resistance(scalars, 1, 0, d, local)
         lubrication.add_pair_drive(scalars, i, j, d, strain, shift, drive)
@@ -105,7 +105,7 @@ def near_blocks(positions, radii, pairs, cutoff, shifted, strain, table, blocks,
 
 
 @njit(cache=True, inline="always")
-def pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d):
+def pair_of(positions, radii, i, j, level, raw, scalars, d):
     """Scalars (11, 4) of a pair and d (3,), the unit vector from i to j; returns the shift of its distance."""
     r = 0.0
     for k in range(3):
@@ -115,9 +115,9 @@ def pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d):
     for k in range(3):
         d[k] /= r
     true_gap = r - radii[i] - radii[j]
-    gap = max(true_gap, cutoff)
-    lubrication.pair_scalars(gap, radii[i], radii[j], table, raw, scalars)
-    return gap - true_gap if shifted else 0.0
+    gap = max(true_gap, level.cutoff)
+    lubrication.pair_scalars(gap, radii[i], radii[j], level.lubrication, raw, scalars)
+    return gap - true_gap if level.shifted else 0.0
 
 
 @njit(cache=True, inline="always")
@@ -130,7 +130,7 @@ def beyond(positions, i, j, reach):
 
 
 @njit(cache=True, parallel=True)
-def distant_load(positions, radii, rates, reach, cutoff, shifted, table, load):
+def distant_load(positions, radii, rates, reach, level, load):
     """load (6N,) += R rates of all pairs beyond `reach`."""
     n = radii.shape[0]
     loads = np.zeros((SHARES, 6 * n))
@@ -139,14 +139,14 @@ def distant_load(positions, radii, rates, reach, cutoff, shifted, table, load):
         for i in range(share, n, SHARES):
             for j in range(i):
                 if beyond(positions, i, j, reach):
-                    pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d)
+                    pair_of(positions, radii, i, j, level, raw, scalars, d)
                     lubrication.add_pair_load(scalars, i, j, d, rates, loads[share])
     for share in range(SHARES):
         load += loads[share]
 
 
 @njit(cache=True, parallel=True)
-def distant_drive(positions, radii, reach, cutoff, shifted, strain, table, drive):
+def distant_drive(positions, radii, reach, level, strain, drive):
     """drive (6N,) += that of all pairs beyond `reach`."""
     n = radii.shape[0]
     drives = np.zeros((SHARES, 6 * n))
@@ -155,14 +155,14 @@ def distant_drive(positions, radii, reach, cutoff, shifted, strain, table, drive
         for i in range(share, n, SHARES):
             for j in range(i):
                 if beyond(positions, i, j, reach):
-                    shift = pair_of(positions, radii, i, j, cutoff, shifted, table, raw, scalars, d)
+                    shift = pair_of(positions, radii, i, j, level, raw, scalars, d)
                     lubrication.add_pair_drive(scalars, i, j, d, strain, shift, drives[share])
     for share in range(SHARES):
         drive += drives[share]
 
 
 @njit(cache=True, parallel=True)
-def pair_stresslets(positions, radii, rates, cutoff, strain_five, table, out):
+def pair_stresslets(positions, radii, rates, level, strain_five, out):
     """Two-body stresslets of all pairs, added to out (N, 5)."""
     n = radii.shape[0]
     found = np.zeros((SHARES, n, 5))
@@ -170,7 +170,7 @@ def pair_stresslets(positions, radii, rates, cutoff, strain_five, table, out):
         raw, scalars, d = np.empty(lubrication.RAW), np.empty((11, 4)), np.empty(3)
         for i in range(share, n, SHARES):
             for j in range(i):
-                pair_of(positions, radii, i, j, cutoff, False, table, raw, scalars, d)
+                pair_of(positions, radii, i, j, level, raw, scalars, d)
                 lubrication.add_pair_stresslet(scalars, i, j, d, rates, strain_five, found[share])
     for share in range(SHARES):
         out += found[share]
@@ -179,14 +179,13 @@ def pair_stresslets(positions, radii, rates, cutoff, strain_five, table, out):
 class TwoBody:
     """The two-body resistance R (6N, 6N, ordered omega | u) and what the strain drives; no R where there is no lubrication."""
 
-    def __init__(self, positions, radii, strain, cutoff, shifted, table) -> None:
+    def __init__(self, positions, radii, strain, level) -> None:
         n = len(radii)
-        self.positions, self.radii, self.table = positions, radii, table
-        self.cutoff, self.shifted = cutoff, shifted
+        self.positions, self.radii, self.level = positions, radii, level
         self.drive = np.zeros(6 * n)
         self.near = sparse.csr_array((6 * n, 6 * n))
         self.nearest = self.near
-        if table is None:
+        if level.lubrication is None:
             return
         pairs = cKDTree(positions).query_pairs(RANGE, output_type="ndarray")
         pairs = np.sort(pairs, axis=1)[:, ::-1].astype(np.int64).reshape(-1, 2)
@@ -195,15 +194,13 @@ class TwoBody:
             positions,
             radii,
             np.ascontiguousarray(pairs),
-            cutoff,
-            shifted,
+            level,
             strain,
-            table,
             blocks,
             own,
             self.drive,
         )
-        distant_drive(positions, radii, RANGE, cutoff, shifted, strain, table, self.drive)
+        distant_drive(positions, radii, RANGE, level, strain, self.drive)
         self.near = _assembled(n, pairs, blocks, own)
         distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
         close = distance < NEAR
@@ -212,9 +209,9 @@ class TwoBody:
     def load(self, rates: NDArray[np.float64]) -> NDArray[np.float64]:
         """R rates, of all pairs."""
         load = self.near @ rates
-        if self.table is not None and rates.any():
+        if self.level.lubrication is not None and rates.any():
             distant_load(
-                self.positions, self.radii, rates, RANGE, self.cutoff, self.shifted, self.table, load
+                self.positions, self.radii, rates, RANGE, self.level, load
             )
         return load
 
@@ -233,25 +230,21 @@ def _assembled(n: int, pairs, blocks, own) -> sparse.csr_array:
 
 
 def solve_velocities(
+    level,
     positions,
     radii,
-    gradient,
-    strain,
-    strain_five,
+    flow,
     forces,
     torques,
-    cutoff,
-    shifted,
-    table,
     tolerance: float = TOLERANCE,
 ) -> Solution:
-    """Velocities of free spheres under given forces and torques; reduced units, arguments as `stokesian.solve_velocities`.
+    """Velocities of free spheres under given forces and torques; reduced units, arguments as `velocities.solve_velocities`.
 
     Raises `ArithmeticError` if the residual does not fall to `tolerance`.
     """
     positions = np.ascontiguousarray(positions)
     n = len(radii)
-    two_body = TwoBody(positions, radii, strain, cutoff, shifted, table)
+    two_body = TwoBody(positions, radii, flow.strain, level)
     external = np.concatenate([np.ravel(torques), np.ravel(forces)]) + two_body.drive
     # Of a single sphere: rates over torques and forces.
     single = np.concatenate([np.repeat(0.75 / radii**3, 3), np.repeat(1.0 / radii, 3)])
@@ -286,7 +279,7 @@ def solve_velocities(
         (size, size), matvec=lambda x: residual_of(x, -(two_body.near @ x[5 * n :])), dtype=float
     )
     preconditioner = LinearOperator((size, size), matvec=precondition, dtype=float)
-    target = np.concatenate([-np.tile(strain_five, n), np.zeros(6 * n)])
+    target = np.concatenate([-np.tile(flow.strain_five, n), np.zeros(6 * n)])
     x = np.zeros(size)
     scale = np.linalg.norm(target - residual_of(x, external))
     iterations = [0]
@@ -311,10 +304,10 @@ def solve_velocities(
         raise ArithmeticError(
             f"the velocities of {n} spheres are known to {misfit:.1e} only, not to {tolerance:.1e}"
         )
-    rates = x[5 * n :]
+    rates, gradient = x[5 * n :], flow.gradient
     stresslets = x[: 5 * n].reshape(n, 5).copy()
-    if table is not None:
-        pair_stresslets(positions, radii, rates, cutoff, strain_five, table, stresslets)
+    if level.lubrication is not None:
+        pair_stresslets(positions, radii, rates, level, flow.strain_five, stresslets)
     vorticity = np.array(
         [gradient[2, 1] - gradient[1, 2], gradient[0, 2] - gradient[2, 0], gradient[1, 0] - gradient[0, 1]]
     )

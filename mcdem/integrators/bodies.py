@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from mcdem.integrators.rotations import rotation
+
 # Rate of recession in the undisturbed flow, over the distance, from which bodies are on their way apart for good.
 RECEDING = 0.05
 
@@ -117,21 +119,6 @@ def rigid_fit(positions, velocities, labels, body, fit):
     fit[2, 0] = (c00 * p + c01 * q + c02 * r) / determinant
     fit[2, 1] = (c01 * p + c11 * q + c12 * r) / determinant
     fit[2, 2] = (c02 * p + c12 * q + c22 * r) / determinant
-
-
-@njit(cache=True)
-def rotation(vector, matrix):
-    """Rotation matrix (3, 3) by the angle |vector| about vector (3,) (Rodrigues)."""
-    angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
-    sine = np.sin(angle) / angle if angle > 1e-12 else 1.0
-    versine = (1.0 - np.cos(angle)) / angle**2 if angle > 1e-6 else 0.5
-    x, y, z = vector[0], vector[1], vector[2]
-    matrix[0, 0] = 1.0 - versine * (y * y + z * z)
-    matrix[1, 1] = 1.0 - versine * (x * x + z * z)
-    matrix[2, 2] = 1.0 - versine * (x * x + y * y)
-    matrix[0, 1], matrix[1, 0] = versine * x * y - sine * z, versine * x * y + sine * z
-    matrix[0, 2], matrix[2, 0] = versine * x * z + sine * y, versine * x * z - sine * y
-    matrix[1, 2], matrix[2, 1] = versine * y * z - sine * x, versine * y * z + sine * x
 
 
 @njit(cache=True)

@@ -2,7 +2,7 @@
 
     R (z/dt - z_inf) = drive + F_non-contact(mid) + contacts(x1, z),   z = (turns | displacements) of the step, 6N
 
-with the resistance R of `stokesian` at the extrapolated midpoint, as in `implicit`.  A contact's normal force is the one
+with the resistance R of the spheres at the extrapolated midpoint, as in `implicit_midpoint`.  A contact's normal force is the one
 there; its springs (`effects.tangential`) start from their history, turned to the middle of the step, and are taken at the
 end of it.  Loads act on the middle configuration, where forces and torques of a pair add to nothing.
 
@@ -18,10 +18,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mcdem.effects import contact_force, contact_resistance
+from mcdem.effects.kinds import Response, Turned
+from mcdem.effects.sums import contact_force, contact_resistance, fixed_in_spheres
 from mcdem.effects.tangential import carry, relative_turns, spread, turn_map
 from mcdem.hydrodynamics.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
-from mcdem.integrators.contacts import contact_tangent, stay_at_mean
+from mcdem.hydrodynamics.undisturbed_flow import spin_component, velocities_of_flow
+from mcdem.integrators.newton import MOST_ITERATIONS, contact_tangent, starts_anew
 from mcdem.integrators.state import NOT_CONVERGED, harmonic_radius
 
 # Largest move of a sphere, or turn, by which an iteration is settled: springs slip from 1e-4 a on.
@@ -66,7 +68,7 @@ def new_pair():
     )
 
 
-class Moments(NamedTuple):
+class TorqueWork(NamedTuple):
     """Work arrays of N spheres."""
 
     turns: np.ndarray  # (N, 3) of the spheres in this step
@@ -77,9 +79,9 @@ class Moments(NamedTuple):
     pair: Pair
 
 
-def new_moments(n: int) -> Moments:
+def torque_work(n: int) -> TorqueWork:
     """Work arrays for n spheres."""
-    return Moments(
+    return TorqueWork(
         np.empty((n, 3)),
         np.empty(6 * n),
         np.empty((6 * n, 6 * n)),
@@ -90,57 +92,56 @@ def new_moments(n: int) -> Moments:
 
 
 @njit(cache=True)
-def drive(flow, work, moments):
-    """R z_inf + drive + forces into moments.driving; returns 0."""
+def drive(flow, work, torques):
+    """R z_inf + drive + forces into torques.driving; returns 0."""
     hydro = work.hydrodynamics
-    n = moments.turns.shape[0]
+    n = torques.turns.shape[0]
     m = 3 * n
-    gradient, ambient = flow.gradient, moments.residual
+    ambient, driving = torques.residual, torques.driving
     for i in range(n):
-        ambient[3 * i] = 0.5 * (gradient[2, 1] - gradient[1, 2])
-        ambient[3 * i + 1] = 0.5 * (gradient[0, 2] - gradient[2, 0])
-        ambient[3 * i + 2] = 0.5 * (gradient[1, 0] - gradient[0, 1])
         for k in range(3):
-            ambient[m + 3 * i + k] = (
-                gradient[k, 0] * work.middle[i, 0]
-                + gradient[k, 1] * work.middle[i, 1]
-                + gradient[k, 2] * work.middle[i, 2]
-            )
-    stay_at_mean(ambient[m:], flow.centred)
-    multiply_symmetric(hydro.resistance, ambient, moments.driving)
+            ambient[3 * i + k] = spin_component(flow.gradient, k)
+    velocities_of_flow(flow, work.middle, ambient[m:])
+    multiply_symmetric(hydro.resistance, ambient, driving)
     for row in range(2 * m):
-        moments.driving[row] += hydro.drive[row]
+        driving[row] += hydro.drive[row]
     for i in range(n):
         for k in range(3):
-            moments.driving[m + 3 * i + k] += work.forces[i, k]
+            driving[m + 3 * i + k] += work.forces[i, k]
     return 0
 
 
 @njit(cache=True)
-def spins(gradient, step, moments, out):
+def spins(gradient, step, torques, out):
     """Angular velocities relative to the flow, out (3N,), over the step that was solved."""
-    for i in range(moments.turns.shape[0]):
-        out[3 * i] = moments.turns[i, 0] / step - 0.5 * (gradient[2, 1] - gradient[1, 2])
-        out[3 * i + 1] = moments.turns[i, 1] / step - 0.5 * (gradient[0, 2] - gradient[2, 0])
-        out[3 * i + 2] = moments.turns[i, 2] / step - 0.5 * (gradient[1, 0] - gradient[0, 1])
+    for i in range(torques.turns.shape[0]):
+        for k in range(3):
+            out[3 * i + k] = torques.turns[i, k] / step - spin_component(gradient, k)
 
 
 @njit(cache=True)
-def resist(
-    positions, end, radii, turns, springs, i, j, normal_force, linear, sliding, rolling, twisting, rods, pair
-):
-    """Springs, loads and stiffness of the contact of i and j < i after the motion to `end`; returns |r| in the middle.
+def resist(motion, work, i, j, normal_force, linear, resistances):
+    """Springs, loads and stiffness of the contact of i and j < i after the motion to work.end; returns |r| in the middle.
 
     linear : the loads as if no spring passed its limit on the way
     """
+    positions, radii, end = motion.positions, motion.radii, work.end
+    turns, pair = work.torques.turns, work.torques.pair
     for k in range(3):
         pair.before[k] = positions[i, k] - positions[j, k]
         pair.after[k] = end[i, k] - end[j, k]
     distance = relative_turns(
-        pair.before, pair.after, turns[j], turns[i], rods, pair.q, pair.normals, pair.spins
+        pair.before,
+        pair.after,
+        turns[j],
+        turns[i],
+        fixed_in_spheres(resistances),
+        pair.q,
+        pair.normals,
+        pair.spins,
     )
-    carry(springs[i, j], pair.normals[0], pair.normals[1], pair.spins, pair.carried)
-    contact_resistance(
+    carry(motion.springs[i, j], pair.normals[0], pair.normals[1], pair.spins, pair.carried)
+    turned = Turned(
         pair.carried,
         pair.no_turns if linear else pair.q,
         pair.normals[1],
@@ -148,14 +149,8 @@ def resist(
         radii[j] / (radii[i] + radii[j]),
         harmonic_radius(radii[i], radii[j]),
         normal_force,
-        sliding,
-        rolling,
-        twisting,
-        rods,
-        pair.spring,
-        pair.loads,
-        pair.tangent,
     )
+    contact_resistance(turned, resistances, Response(pair.spring, pair.loads, pair.tangent))
     if linear:
         for row in range(7):
             for column in range(7):
@@ -216,69 +211,39 @@ def add_loads(residual, normal, distance, i, j, n, pair):
 
 
 @njit(cache=True)
-def solve(
-    positions,
-    radii,
-    contacts,
-    gaps,
-    step,
-    springs,
-    jkr,
-    dmt,
-    sliding,
-    rolling,
-    twisting,
-    rods,
-    work,
-    moments,
-):
+def solve(motion, contacts, gaps, step, physics, work):
     """Newton for the positions at the end of the step and the turns, from the guess in work.end; 0 or NOT_CONVERGED."""
-    n = radii.shape[0]
+    torques, positions = work.torques, motion.positions
+    n = motion.radii.shape[0]
     m = 3 * n
     matrix = work.hydrodynamics.resistance
-    turns, jacobian, residual, move = moments.turns, moments.jacobian, moments.residual, moments.move
-    pair = moments.pair
+    turns, jacobian, residual, move = torques.turns, torques.jacobian, torques.residual, torques.move
+    pair = torques.pair
     # Loads are linear in the turns in the first iteration: where it starts does not matter.
     turns[:] = 0.0
-    for iteration in range(48):
-        fallback = iteration == 16 or iteration == 17
-        linear = iteration == 0 or fallback
+    for iteration in range(MOST_ITERATIONS):
+        linear = iteration == 0 or starts_anew(iteration)
         for i in range(n):
             for k in range(3):
                 move[3 * i + k] = turns[i, k] / step
                 move[m + 3 * i + k] = (work.end[i, k] - positions[i, k]) / step
         multiply_symmetric(matrix, move, residual)
         for row in range(2 * m):
-            residual[row] = moments.driving[row] - residual[row]
+            residual[row] = torques.driving[row] - residual[row]
             for column in range(row + 1):
                 jacobian[row, column] = matrix[row, column] / step
         for b in range(contacts):
             i, j = work.pairs[b, 0], work.pairs[b, 1]
             normal = work.normals[b]
             force, slope, turning, _ = contact_tangent(
-                positions, work.end, radii, gaps, i, j, iteration == 0, fallback, jkr, dmt, normal
+                motion, work.end, gaps, i, j, iteration, physics.contact, normal
             )
             for k in range(3):
                 along = force * normal[k]
                 residual[m + 3 * i + k] += along
                 residual[m + 3 * j + k] -= along
             add_normal_stiffness(jacobian, slope, turning, normal, i, j, n)
-            distance = resist(
-                positions,
-                work.end,
-                radii,
-                turns,
-                springs,
-                i,
-                j,
-                force,
-                linear,
-                sliding,
-                rolling,
-                twisting,
-                rods,
-                pair,
-            )
+            distance = resist(motion, work, i, j, force, linear, physics.resistances)
             add_loads(residual, pair.normals[1], distance, i, j, n, pair)
             turn_map(pair.normals[1], distance, pair.map)
             add_resistance_stiffness(jacobian, pair.tangent, pair.map, i, j, n)
@@ -300,28 +265,11 @@ def solve(
 
 
 @njit(cache=True)
-def keep_springs(
-    positions, radii, contacts, springs, jkr, dmt, sliding, rolling, twisting, rods, work, moments
-):
-    """Histories of the contacts at the end of the step that leads from `positions` to work.end."""
-    pair = moments.pair
+def keep_springs(motion, contacts, physics, work):
+    """Histories of the contacts at the end of the step that leads from the positions of `motion` to work.end."""
+    pair, radii = work.torques.pair, motion.radii
     for b in range(contacts):
         i, j = work.pairs[b, 0], work.pairs[b, 1]
-        force, _ = contact_force(work.end_gaps[i, j], harmonic_radius(radii[i], radii[j]), jkr, dmt)
-        resist(
-            positions,
-            work.end,
-            radii,
-            moments.turns,
-            springs,
-            i,
-            j,
-            force,
-            False,
-            sliding,
-            rolling,
-            twisting,
-            rods,
-            pair,
-        )
-        carry(pair.spring, pair.normals[1], pair.normals[2], pair.spins, springs[i, j])
+        force, _ = contact_force(work.end_gaps[i, j], harmonic_radius(radii[i], radii[j]), physics.contact)
+        resist(motion, work, i, j, force, False, physics.resistances)
+        carry(pair.spring, pair.normals[1], pair.normals[2], pair.spins, motion.springs[i, j])

@@ -5,7 +5,7 @@ Kernels return codes; `mcdem.encounter.simulate` turns them into words.
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -43,33 +43,13 @@ class History(NamedTuple):
     gaps: np.ndarray  # (2, N, N) before the last step and before the one before
 
 
-class Flow(NamedTuple):
-    """Undisturbed flow u_inf = gradient . r."""
-
-    gradient: np.ndarray  # (3, 3)
-    strain: np.ndarray  # (3, 3) its symmetric part
-    strain_five: np.ndarray  # (5,) the same in the basis of `far_field`
-    # Whether what moves together is seen from its mean: where the flow stretches, it would be carried away exponentially.
-    centred: Literal[True] | None = None
-
-
 class Physics(NamedTuple):
-    """What acts on the primaries; what a scene does not name is None and leaves the compiled step."""
+    """What acts on the primaries; what a scene does not call for is not there."""
 
-    cutoff: float
-    shifted: bool  # below the cut-off the strain sees the gap of the cut-off too
-    coupled: Literal[True] | None  # the level of hydrodynamics, see `stokesian`
-    stresslets: Literal[True] | None
-    table: object  # lubrication table | None
-    van_der_waals: object
-    double_layer: object
-    short_range: object
-    jkr: object
-    dmt: object
-    sliding: object
-    rolling: object
-    twisting: object
-    rods: object
+    level: object  # parameters of the level of hydrodynamics (`hydrodynamics.level`)
+    pair_forces: tuple  # parameters of each force between spheres not in contact (`effects.sums`)
+    contact: object  # those of the contact law, or None
+    resistances: tuple  # those of each resistance of contacts
 
 
 class Log(NamedTuple):
@@ -84,6 +64,15 @@ class Log(NamedTuple):
     largest_tension: np.ndarray
     smallest_gap: np.ndarray  # between primaries of different parents
     skipped: np.ndarray  # time not followed primary by primary, over all parts
+
+
+class Group(NamedTuple):
+    """Primaries that are followed together."""
+
+    motion: Motion
+    history: History
+    gaps: np.ndarray  # (N, N) surface gaps now
+    work: object  # work arrays of the scheme
 
 
 def new_log() -> Log:

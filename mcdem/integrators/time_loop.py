@@ -13,8 +13,7 @@ import numpy as np
 from numba import njit
 
 from mcdem.integrators.bodies import RECEDING, centre_and_reach, label_bodies, mean_velocity
-from mcdem.integrators.explicit_euler import advance_paper
-from mcdem.integrators.implicit_midpoint import advance
+from mcdem.integrators.scheme import advance
 from mcdem.integrators.state import DONE, PARTED, PAUSED, SETTLED, TOO_MANY_STEPS
 
 # Strain between two looks at which bodies there are and whether they part.
@@ -22,7 +21,7 @@ LOOK_EVERY = 0.5
 
 
 class Watch(NamedTuple):
-    """What `march` keeps in mind from one call to the next; one-element arrays, times in 1/g."""
+    """What `follow_steps` keeps in mind from one call to the next; one-element arrays, times in 1/g."""
 
     look: np.ndarray  # when to look at the bodies again
     noted: np.ndarray  # last change of contacts that was noticed, nan if none
@@ -60,45 +59,24 @@ def all_parting(motion, labels, bodies, gradient, factor):
     return True
 
 
-@njit(cache=True, inline="always")
-def one_step(part, history, flow, physics, implicit, paper, log, gaps, work, end_time):
-    """Advance by one step of the scheme that is chosen; the other one is None."""
-    code = DONE
-    if implicit is not None:
-        code = advance(part, history, flow, physics, implicit, log, gaps, work, end_time)
-    if paper is not None:
-        code = advance_paper(part, flow, physics, paper, log, gaps, work, end_time)
-    return code
+class Bounds(NamedTuple):
+    """When the steps of a group end; times in 1/g."""
+
+    separation: float  # centre distance in R_i + R_j beyond which receding bodies have PARTED; 0: never
+    quiet_time: float  # strain without a change of contacts after which a single body has SETTLED; inf: never
+    pause: float  # time from which on the next step returns PAUSED
+    end: float  # time at which all is DONE
+    most_steps: int  # number of steps after which it is TOO_MANY_STEPS
 
 
 @njit(cache=True)
-def march(
-    part,
-    history,
-    gaps,
-    work,
-    flow,
-    physics,
-    implicit,
-    paper,
-    log,
-    watch,
-    separation,
-    quiet_time,
-    pause,
-    end,
-    most,
-):
-    """Follow some primaries together; log.time is their clock.
+def follow_steps(group, flow, physics, options, log, watch, bounds):
+    """Follow some primaries together by the steps of a scheme; log.time is their clock.
 
-    separation : centre distance in R_i + R_j beyond which receding bodies have PARTED; 0: never
-    quiet_time : strain without a change of contacts after which a single body has SETTLED; inf: never
-    pause : time from which on the next step returns PAUSED;  end : time at which all is DONE
-    most : number of steps after which it is TOO_MANY_STEPS
-
-    Returns one of these codes, or that of a failed step (`state`).
+    Returns one of the codes that `Bounds` names, or that of a failed step (`state`).
     """
-    while log.time[0] < end - 1e-12:
+    part, work = group.motion, group.work
+    while log.time[0] < bounds.end - 1e-12:
         change = log.last_bond_change[0]
         if not np.isnan(change) and change != watch.noted[0]:
             watch.noted[0] = change
@@ -107,15 +85,17 @@ def march(
             watch.look[0] = log.time[0] + LOOK_EVERY
             bodies = label_bodies(part.bonded, work.labels)
             if bodies > 1:
-                if separation > 0.0 and all_parting(part, work.labels, bodies, flow.gradient, separation):
+                if bounds.separation > 0.0 and all_parting(
+                    part, work.labels, bodies, flow.gradient, bounds.separation
+                ):
                     return PARTED
-            elif log.time[0] >= watch.quiet_since[0] + quiet_time - 1e-9:
+            elif log.time[0] >= watch.quiet_since[0] + bounds.quiet_time - 1e-9:
                 return SETTLED
-        if log.steps[0] >= most:
+        if log.steps[0] >= bounds.most_steps:
             return TOO_MANY_STEPS
-        code = one_step(part, history, flow, physics, implicit, paper, log, gaps, work, end)
+        code = advance(group, flow, physics, options, log, bounds.end)
         if code != DONE:
             return code
-        if log.time[0] >= pause:
+        if log.time[0] >= bounds.pause:
             return PAUSED
     return DONE

@@ -30,22 +30,118 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
+from pydantic import Field, model_validator
 from scipy.integrate import quad
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from mcdem.errors import UserError
+from mcdem.quantities.toml_tables import FROM_THE_OTHERS, Table
+from mcdem.quantities.units import (
+    Dimensionless,
+    PositiveDimensionless,
+    PositiveRate,
+    PositiveStress,
+    PositiveViscosity,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mcdem.scene import Flow
-
 LONGEST = 1e4
 """Strain after which a streamline is no longer followed."""
+
+
+class Flow(Table):
+    """The undisturbed flow: simple shear u = (0, 0, g y), with gradient along y and vorticity along x, or another linear flow.
+
+    The file gives exactly two of `shear_rate`, `viscosity` and `shear_stress`; the third follows.
+    """
+
+    kind: Literal[
+        "simple_shear", "planar", "planar_extension", "uniaxial_extension", "biaxial_extension", "linear"
+    ] = "simple_shear"
+    """"simple_shear": u = g (0, 0, y); "planar": u = g (0, alpha z, y); "planar_extension": the same with alpha = 1;
+    "uniaxial_extension": u = g (-x/2, -y/2, z), stretching along z; "biaxial_extension": the reverse;
+    "linear": any other, by its `gradient`."""
+    alpha: Annotated[PositiveDimensionless, Field(le=1.0)] | None = None
+    """Share of extension in a planar flow, between simple shear (0) and planar extension (1); its kind alone has it."""
+    gradient: (
+        Annotated[tuple[Annotated[tuple[Dimensionless, ...], Field(strict=False)], ...], Field(strict=False)]
+        | None
+    ) = None
+    """Rows of the velocity gradient over g of a linear flow, u = g G r: three of three numbers, of trace 0; such as
+    [[-0.7, 0, 0], [0, -0.3, 0], [0, 0, 1]], between planar and uniaxial extension."""
+    shear_rate: PositiveRate = FROM_THE_OTHERS
+    """Rate g of the flow: the shear rate, or in extension the rate of stretching."""
+    viscosity: PositiveViscosity = FROM_THE_OTHERS
+    """Viscosity mu of the medium."""
+    shear_stress: PositiveStress = FROM_THE_OTHERS
+    """Shear stress mu g of the undisturbed flow."""
+
+    @property
+    def extension_share(self) -> float:
+        """alpha of a planar flow."""
+        if self.alpha is not None:
+            return self.alpha
+        return 1.0 if self.kind == "planar_extension" else 0.0
+
+    @property
+    def equivalent_shear_rate(self) -> float:
+        """Shear rate [1/s] of the simple shear in which aggregates meet as often."""
+        return self.shear_rate * (0.75 * inflow_constant(self))
+
+    @model_validator(mode="after")
+    def _alpha_is_of_planar_flows(self) -> Self:
+        if self.kind == "planar" and self.alpha is None:
+            raise ValueError('kind = "planar" needs alpha, its share of extension: above 0 and up to 1')
+        if self.kind != "planar" and self.alpha is not None:
+            raise ValueError(f'kind = "{self.kind}" has no alpha: remove it, or use kind = "planar"')
+        return self
+
+    @model_validator(mode="after")
+    def _gradient_is_of_linear_flows(self) -> Self:
+        if (self.kind == "linear") != (self.gradient is not None):
+            raise ValueError(
+                'kind = "linear" and gradient go together: give both, or another kind and no gradient'
+            )
+        if self.gradient is None:
+            return self
+        if [len(row) for row in self.gradient] != [3, 3, 3]:
+            raise ValueError("gradient: expected three rows of three numbers")
+        G = np.array(self.gradient)
+        size = float(np.abs(G).max())
+        if abs(np.trace(G)) > 1e-9 * size:
+            raise ValueError(
+                f"gradient has the trace {np.trace(G):g}, expected 0: the fluid keeps its volume"
+            )
+        if not np.abs(G + G.T).max() > 1e-9 * size:
+            raise ValueError(
+                "gradient is a rotation alone, expected one that strains: nothing meets otherwise"
+            )
+        if turns_back(G):
+            raise ValueError(
+                "gradient has streamlines that turn back, more vorticity than simple shear has for its strain: expected one in "
+                "which every streamline comes from far away, for an encounter to have a beginning"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _two_give_the_third(self) -> Self:
+        given = self.model_fields_set & {"shear_rate", "viscosity", "shear_stress"}
+        if len(given) != 2:
+            found = " and ".join(sorted(given)) or "none"
+            raise ValueError(f"give exactly two of shear_rate, viscosity and shear_stress (found {found})")
+        if "shear_stress" not in given:
+            self.__dict__["shear_stress"] = self.viscosity * self.shear_rate
+        elif "viscosity" not in given:
+            self.__dict__["viscosity"] = self.shear_stress / self.shear_rate
+        else:
+            self.__dict__["shear_rate"] = self.shear_stress / self.viscosity
+        return self
 
 
 def gradient(flow: Flow) -> NDArray[np.float64]:

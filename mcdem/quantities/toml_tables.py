@@ -7,6 +7,7 @@ Each table is a frozen pydantic model: its fields are the keys, the docstring be
 from __future__ import annotations
 
 import difflib
+import math
 import types
 import typing
 from collections.abc import Iterable
@@ -17,6 +18,9 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticUndefined
 
 from mcdem.quantities.units import Quantity
+
+FROM_THE_OTHERS = math.nan
+"""Marks the key of a table that follows from the other keys, until they are read."""
 
 
 class Table(BaseModel):

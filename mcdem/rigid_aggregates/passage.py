@@ -13,8 +13,10 @@ import numpy as np
 from numba import njit
 
 from mcdem.hydrodynamics.grand_mobility import five_tensor
-from mcdem.integrators.bodies import RECEDING, rotation
-from mcdem.rigid_aggregates.statics import multiply, present_load, turn_back
+from mcdem.hydrodynamics.undisturbed_flow import spin_component
+from mcdem.integrators.bodies import RECEDING
+from mcdem.integrators.rotations import multiply, rotation, turn_back
+from mcdem.rigid_aggregates.statics import present_load
 
 
 @njit(cache=True)
@@ -75,10 +77,8 @@ def body_rates(body, matrix, centre, gradient, disturbance, carried, velocity, s
             strain[p, q] = 0.5 * (total[p, q] + total[q, p])
     seen = np.empty(5)
     turn_back(matrix, strain, seen)
-    spin[0] = 0.5 * (total[2, 1] - total[1, 2])
-    spin[1] = 0.5 * (total[0, 2] - total[2, 0])
-    spin[2] = 0.5 * (total[1, 0] - total[0, 1])
     for k in range(3):
+        spin[k] = spin_component(total, k)
         velocity[k] = carried[k]
         for m in range(3):
             velocity[k] += gradient[k, m] * centre[m]

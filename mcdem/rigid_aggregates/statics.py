@@ -17,12 +17,20 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mcdem.effects import contact_equilibrium, contact_force, contact_pull_off_force, non_contact_force
-from mcdem.hydrodynamics import stokesian
+from mcdem.effects.sums import (
+    contact_equilibrium,
+    contact_force,
+    contact_pull_off_force,
+    non_contact_force,
+)
+from mcdem.hydrodynamics import level as levels
 from mcdem.hydrodynamics.grand_mobility import five_tensor, tensor_to_five
+from mcdem.hydrodynamics.level import is_coupled
 from mcdem.hydrodynamics.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
-from mcdem.integrators.bodies import rotation
-from mcdem.integrators.contacts import FORCE_RANGE
+from mcdem.hydrodynamics.resistance import angular_velocities, eliminate_torques, measure, reduce_drive
+from mcdem.hydrodynamics.undisturbed_flow import spin_component
+from mcdem.integrators.pairs import FORCE_RANGE
+from mcdem.integrators.rotations import multiply, rotation, turn_back
 from mcdem.integrators.state import harmonic_radius
 
 RIGID = 0
@@ -159,26 +167,19 @@ def network_stiffness(positions, directions, pairs, slopes, count, stiffness):
     return True
 
 
+class RigidMotions(NamedTuple):
+    """The six rigid motions of a body, over m displacements (and turns) of its spheres."""
+
+    modes: np.ndarray  # (6, m)
+    pulled: np.ndarray  # (6, m) forces that the fluid makes of each
+    grand: np.ndarray  # (6, 6) their resistance, factorised
+
+
 @njit(cache=True)
-def analyse(
-    work,
-    positions,
-    bonded,
-    radii,
-    cutoff,
-    shifted,
-    coupled,
-    stresslets,
-    table,
-    van_der_waals,
-    double_layer,
-    short_range,
-    jkr,
-    dmt,
-):
+def analyse(work, positions, bonded, radii, physics):
     """(RIGID, FLOPPY or FAILED, body) of one connected aggregate; positions (P, 3) about its centre, reduced units.
 
-    work : `stokesian.workspace` of P
+    work : `resistance.workspace` of P
     """
     n = radii.shape[0]
     if n == 1:
@@ -187,7 +188,7 @@ def analyse(
     count = count_contacts(bonded)
     if count < 3 * n - 6 or count == 0:
         return FLOPPY, body
-    stokesian.measure(positions, work.directions, work.distances)
+    measure(positions, work.directions, work.distances)
     pairs = np.empty((count, 2), np.int64)
     slopes, rest, strength = np.empty(count), np.empty(count), np.empty(count)
     unbalanced = np.zeros(3 * n)
@@ -197,13 +198,13 @@ def analyse(
             gap = work.distances[i, j] - radii[i] - radii[j]
             radius = harmonic_radius(radii[i], radii[j])
             if bonded[i, j]:
-                force, slopes[b] = linear_contact(gap, radius, jkr, dmt)
+                force, slopes[b] = linear_contact(gap, radius, physics.contact)
                 pairs[b, 0], pairs[b, 1] = i, j
                 rest[b] = -force
-                strength[b] = contact_pull_off_force(radius, jkr, dmt)
+                strength[b] = contact_pull_off_force(radius, physics.contact)
                 b += 1
             elif gap < FORCE_RANGE:
-                force, _ = non_contact_force(gap, radius, van_der_waals, double_layer, short_range)
+                force, _ = non_contact_force(gap, radius, physics.pair_forces)
             else:
                 continue
             for k in range(3):
@@ -215,31 +216,32 @@ def analyse(
     solve_cholesky(stiffness, unbalanced)
     add_tensions(work.directions, pairs, slopes, unbalanced, rest)
 
-    if stokesian.level_resistance(work, radii, coupled, stresslets) != 0:
+    level = physics.level
+    if levels.resistance(level, work, radii) != 0:
         return FAILED, body
     unit, drives = np.eye(5), np.empty((5, 6 * n))
-    drive_by_strains(work, radii, unit, drives, cutoff, shifted, stresslets, table)
-    if stokesian.eliminate_torques(work.resistance) != 0:
+    drive_by_strains(level, work, radii, unit, drives)
+    if eliminate_torques(work.resistance) != 0:
         return FAILED, body
     m = 3 * n
     matrix = work.resistance[m:, m:]
     modes = rigid_modes(positions)
-    pulled = pull_of_modes(matrix, modes)
-    grand = np.zeros((6, 6))
+    rigid = RigidMotions(modes, pull_of_modes(matrix, modes), np.zeros((6, 6)))
     # Spheres free to turn do not resist that a doublet spins about its own axis, and dragged each by itself not even by
     # rounding, which may have either sign: a small addition leaves that spin at zero.
-    settled = coupled is not None and rigid_resistance(modes, pulled, 0.0, grand)
-    if not settled and not rigid_resistance(modes, pulled, 1e-12, grand):
+    settled = is_coupled(level) and rigid_resistance(rigid, 0.0)
+    if not settled and not rigid_resistance(rigid, 1e-12):
         return FAILED, body
     response = np.zeros((count, 5))
-    relative, load, rates = np.empty(m), np.empty(m), np.empty(6 * n)
+    relative, load, rates, own = np.empty(m), np.empty(m), np.empty(6 * n), np.empty(6)
     for k in range(5):
         drive = drives[k]
-        stokesian.reduce_drive(work.resistance, drive)
-        move_as_body(matrix, positions, modes, pulled, grand, drive[m:], unit, k, body, relative, load)
-        stokesian.angular_velocities(work.resistance, drive, relative, rates[:m])
+        reduce_drive(work.resistance, drive)
+        move_as_body(matrix, positions, rigid, drive[m:], unit[k], own, relative, load)
+        keep_motion(body, k, own)
+        angular_velocities(work.resistance, drive, relative, rates[:m])
         rates[m:] = relative
-        add_stresslet(work, radii, positions, rates, load, cutoff, stresslets, table, unit, k, body)
+        add_stresslet(level, work, radii, positions, rates, load, unit[k], body.stresslet[:, k])
         # Contacts supply the load: K displacement = -load.
         for row in range(m):
             load[row] = -load[row]
@@ -270,20 +272,20 @@ def count_contacts(bonded):
 
 
 @njit(cache=True)
-def linear_contact(gap, radius, jkr, dmt):
-    """(force, stiffness) of a contact at its gap; the stiffness is floored as in `contacts.contact_tangent`."""
-    force, slope = contact_force(gap, radius, jkr, dmt)
-    _, stiffness = contact_equilibrium(radius, jkr, dmt)
+def linear_contact(gap, radius, contact):
+    """(force, stiffness) of a contact at its gap; the stiffness is floored as in `newton.contact_tangent`."""
+    force, slope = contact_force(gap, radius, contact)
+    _, stiffness = contact_equilibrium(radius, contact)
     return force, max(-slope, 0.02 * stiffness)
 
 
 @njit(cache=True)
-def drive_by_strains(work, radii, unit, drives, cutoff, shifted, stresslets, table):
+def drive_by_strains(level, work, radii, unit, drives):
     """What the strains `unit` (5, 5) drive, into drives (5, 6N); lubrication goes into the resistance as well."""
     for k in range(5):
-        stokesian.level_drive(work, unit[k], stresslets)
+        levels.strain_drive(level, work, unit[k])
         drives[k] = work.drive
-    add_two_body_all(work, radii, unit, drives, cutoff, shifted, table)
+    levels.two_body_of_strains(level, work, radii, unit, drives)
 
 
 @njit(cache=True)
@@ -296,14 +298,15 @@ def pull_of_modes(matrix, modes):
 
 
 @njit(cache=True)
-def move_as_body(matrix, positions, modes, pulled, grand, drive, unit, k, body, relative, load):
-    """Rigid motion of a force-free body in strain k of `unit` (5, 5), into body.spin and body.drift.
+def move_as_body(matrix, positions, rigid, drive, strain_five, motion, relative, load):
+    """Rigid motion (6,), translation then rotation, of a force-free body in a strain (5,), into `motion`.
 
-    matrix, modes, drive : resistance (m, m), rigid motions (6, m) and drive (m,); displacements of the spheres are the last 3P
+    matrix, drive : resistance (m, m) and drive (m,); displacements of the spheres are the last 3P
     relative, load : motion (m,) relative to the strain, and what the fluid asks of the contacts (m,)
     """
-    tensor, motion = np.empty((3, 3)), np.empty(6)
-    five_tensor(unit[k], tensor)
+    tensor = np.empty((3, 3))
+    five_tensor(strain_five, tensor)
+    modes, pulled, grand = rigid
     m = relative.shape[0]
     first = m - 3 * positions.shape[0]
     relative[:first] = 0.0
@@ -326,25 +329,30 @@ def move_as_body(matrix, positions, modes, pulled, grand, drive, unit, k, body, 
         for row in range(m):
             load[row] += motion[p] * pulled[p, row]
             relative[row] += motion[p] * modes[p, row]
+
+
+@njit(cache=True)
+def keep_motion(body, k, motion):
+    """Keep the motion (6,) of a body in the strain k."""
     for c in range(3):
         body.drift[c, k] = motion[c]
         body.spin[c, k] = motion[3 + c]
 
 
 @njit(cache=True)
-def add_stresslet(work, radii, positions, rates, load, cutoff, stresslets, table, unit, k, body):
-    """Add to body.stresslet what the body exerts on the fluid in strain k of `unit` (5, 5): of its spheres and of their forces.
+def add_stresslet(level, work, radii, positions, rates, load, strain_five, stresslet):
+    """Add to `stresslet` (5,) what a body exerts on the fluid in a strain (5,): that of its spheres and of their forces.
 
     rates : (turns | displacements) (6P,) relative to the strain;  load : the forces are its last 3P
     """
     n = radii.shape[0]
     first = load.shape[0] - 3 * n
     five, extra, moment = np.empty((n, 5)), np.empty(5), np.zeros((3, 3))
-    stokesian.level_drive(work, unit[k], stresslets)
-    stokesian.level_stresslets(work, radii, rates, unit[k], cutoff, stresslets, table, five)
+    levels.strain_drive(level, work, strain_five)
+    levels.stresslets(level, work, radii, rates, strain_five, five)
     for i in range(n):
         for c in range(5):
-            body.stresslet[c, k] += five[i, c]
+            stresslet[c] += five[i, c]
         for c in range(3):
             for e in range(3):
                 product = 0.5 * load[first + 3 * i + c] * positions[i, e]
@@ -355,15 +363,16 @@ def add_stresslet(work, radii, positions, rates, load, cutoff, stresslets, table
         moment[c, c] -= trace
     tensor_to_five(moment, extra)
     for c in range(5):
-        body.stresslet[c, k] += extra[c]
+        stresslet[c] += extra[c]
 
 
 @njit(cache=True)
-def rigid_resistance(modes, pulled, ridge, grand):
-    """Resistance (6, 6) of the rigid motions `modes`, of which the fluid makes the forces `pulled`, factorised; True if it is.
+def rigid_resistance(rigid, ridge):
+    """Fill and factorise the resistance of the rigid motions; True if it can be.
 
     ridge : added to that of rotations, over its sum
     """
+    modes, pulled, grand = rigid
     for p in range(6):
         for q in range(6):
             grand[p, q] = 0.0
@@ -374,25 +383,6 @@ def rigid_resistance(modes, pulled, ridge, grand):
         for p in range(3, 6):
             grand[p, p] += ridge * spinning
     return cholesky(grand) == 0
-
-
-@njit(cache=True)
-def add_two_body_all(work, radii, unit, drives, cutoff, shifted, table):
-    """Lubrication into the resistance and into the drives (5, 6N) of the five unit strains."""
-    if table is not None:
-        tensor = np.empty((3, 3))
-        n = radii.shape[0]
-        for i in range(n):
-            for j in range(i):
-                true_gap = work.distances[i, j] - radii[i] - radii[j]
-                gap = max(true_gap, cutoff)
-                shift = gap - true_gap if shifted else 0.0
-                stokesian.lubrication.motion_scalars(gap, radii[i], radii[j], table, work.raw, work.scalars)
-                d = (work.directions[j, i, 0], work.directions[j, i, 1], work.directions[j, i, 2])
-                stokesian.lubrication.add_pair_resistance(work.scalars, i, j, d, work.resistance)
-                for k in range(5):
-                    five_tensor(unit[k], tensor)
-                    stokesian.lubrication.add_pair_drive(work.scalars, i, j, d, tensor, shift, drives[k])
 
 
 @njit(cache=True)
@@ -420,17 +410,6 @@ def rigid_modes(positions):
 
 
 @njit(cache=True)
-def turn_back(matrix, tensor, five):
-    """Components (5,) of Q^T tensor Q, with Q = matrix (3, 3)."""
-    half, turned = np.empty((3, 3)), np.empty((3, 3))
-    multiply(tensor, matrix, half)
-    for p in range(3):
-        for q in range(3):
-            turned[p, q] = matrix[0, p] * half[0, q] + matrix[1, p] * half[1, q] + matrix[2, p] * half[2, q]
-    tensor_to_five(turned, five)
-
-
-@njit(cache=True)
 def present_load(body, seen):
     """Largest ratio of load to strength in the strain seen from the body, (5,): of any kind, and of tension."""
     worst = tension = 0.0
@@ -455,18 +434,18 @@ def turning_rate(body, matrix, gradient, seen, rate):
             spin += body.spin[c, e] * seen[e]
         for k in range(3):
             rate[k] += matrix[k, c] * spin
-    rate[0] += 0.5 * (gradient[2, 1] - gradient[1, 2])
-    rate[1] += 0.5 * (gradient[0, 2] - gradient[2, 0])
-    rate[2] += 0.5 * (gradient[1, 0] - gradient[0, 1])
+    for k in range(3):
+        rate[k] += spin_component(gradient, k)
 
 
 @njit(cache=True)
-def tumble(body, matrix, centre, gradient, strain, duration, step, limit):
+def turn_rigidly(body, matrix, centre, flow, duration, step, limit):
     """Turn a rigid body in the flow until `duration` has passed or its load exceeds `limit`.
 
     matrix (3, 3) and centre (3,) are carried along (midpoint rule on rotations, second order; the centre follows
     with the drift).  Returns (time passed, largest tension met over pull-off force, whether the limit stopped it).
     """
+    gradient, strain = flow.gradient, flow.strain
     seen, rate = np.empty(5), np.empty(3)
     half, turn, middle, after = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     velocity = np.empty(3)
@@ -496,11 +475,3 @@ def tumble(body, matrix, centre, gradient, strain, duration, step, limit):
             centre[k] += h * velocity[k]
         elapsed += h
     return elapsed, largest, False
-
-
-@njit(cache=True)
-def multiply(a, b, out):
-    """out = a b for (3, 3)."""
-    for p in range(3):
-        for q in range(3):
-            out[p, q] = a[p, 0] * b[0, q] + a[p, 1] * b[1, q] + a[p, 2] * b[2, q]

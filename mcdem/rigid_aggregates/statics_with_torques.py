@@ -15,18 +15,22 @@ floppy.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
-from mcdem.effects import (
+from mcdem.effects.kinds import Response, Turned
+from mcdem.effects.sums import (
     contact_limits,
     contact_pull_off_force,
     contact_resistance,
     non_contact_force,
 )
 from mcdem.effects.tangential import STUCK, turn_map
-from mcdem.hydrodynamics import stokesian
+from mcdem.hydrodynamics import level as levels
 from mcdem.hydrodynamics.linear_algebra import cholesky, solve_cholesky
+from mcdem.hydrodynamics.resistance import measure
 from mcdem.integrators.contact_torques import (
     add_loads,
     add_normal_stiffness,
@@ -34,17 +38,19 @@ from mcdem.integrators.contact_torques import (
     new_pair,
     place_of,
 )
-from mcdem.integrators.contacts import FORCE_RANGE
+from mcdem.integrators.pairs import FORCE_RANGE
 from mcdem.integrators.state import harmonic_radius
 from mcdem.rigid_aggregates.statics import (
     FAILED,
     FLOPPY,
     RIGID,
     RigidBody,
+    RigidMotions,
     add_stresslet,
     count_contacts,
     drive_by_strains,
     empty_body,
+    keep_motion,
     linear_contact,
     move_as_body,
     of_sphere,
@@ -101,114 +107,101 @@ def factorise_network(stiffness, modes, typical):
     return True
 
 
+class Network(NamedTuple):
+    """The contacts of an aggregate where it is; B of them."""
+
+    directions: np.ndarray  # (P, P, 3)
+    distances: np.ndarray  # (P, P)
+    radii: np.ndarray  # (P,)
+    pairs: np.ndarray  # (B, 2) i > j
+    slopes: np.ndarray  # (B,) normal stiffness
+    maps: np.ndarray  # (B, 7, 12) from the motion of both spheres to the turns of the contact
+
+
 @njit(cache=True)
-def spring_change(
-    map_, normal, distance, share, radius, motion, i, j, n, sliding, rolling, twisting, rods, pair
-):
-    """Change (7,), into pair.spring, of the springs of a contact by a small motion (6P,) of (turns | displacements)."""
+def spring_change(network, b, motion, resistances, pair):
+    """Change (7,), into pair.spring, of the springs of contact b by a small motion (6P,) of (turns | displacements)."""
+    i, j = network.pairs[b, 0], network.pairs[b, 1]
+    radii, n = network.radii, network.radii.shape[0]
     size = 0.0
     for a in range(7):
         pair.q[a] = 0.0
         for local in range(12):
-            pair.q[a] += map_[a, local] * motion[place_of(local, i, j, n)]
+            pair.q[a] += network.maps[b, a, local] * motion[place_of(local, i, j, n)]
         size = max(size, abs(pair.q[a]))
     scale = _TRIAL / size if size > 0.0 else 0.0
     for a in range(7):
         pair.q[a] *= scale
-    contact_resistance(
+    turned = Turned(
         pair.no_turns,
         pair.q,
-        normal,
-        distance,
-        share,
-        radius,
+        network.directions[i, j],
+        network.distances[i, j],
+        radii[j] / (radii[i] + radii[j]),
+        harmonic_radius(radii[i], radii[j]),
         0.0,
-        sliding,
-        rolling,
-        twisting,
-        rods,
-        pair.spring,
-        pair.loads,
-        pair.tangent,
     )
+    contact_resistance(turned, resistances, Response(pair.spring, pair.loads, pair.tangent))
     for a in range(7):
         pair.spring[a] = pair.spring[a] / scale if scale > 0.0 else 0.0
 
 
 @njit(cache=True)
-def add_bearing(bearing, directions, distances, radii, pairs, slopes, maps, motion, laws, pair):
+def add_bearing(bearing, network, motion, resistances, pair):
     """bearing (B, 8) += tension and springs of all contacts under a small motion (6P,)."""
-    n = radii.shape[0]
-    m = 3 * n
-    sliding, rolling, twisting, rods = laws
-    for b in range(pairs.shape[0]):
-        i, j = pairs[b, 0], pairs[b, 1]
+    m = 3 * network.radii.shape[0]
+    for b in range(network.pairs.shape[0]):
+        i, j = network.pairs[b, 0], network.pairs[b, 1]
         for k in range(3):
             apart = motion[m + 3 * i + k] - motion[m + 3 * j + k]
-            bearing[b, 0] += slopes[b] * directions[i, j, k] * apart
-        share, radius = radii[j] / (radii[i] + radii[j]), harmonic_radius(radii[i], radii[j])
-        spring_change(
-            maps[b],
-            directions[i, j],
-            distances[i, j],
-            share,
-            radius,
-            motion,
-            i,
-            j,
-            n,
-            sliding,
-            rolling,
-            twisting,
-            rods,
-            pair,
-        )
+            bearing[b, 0] += network.slopes[b] * network.directions[i, j, k] * apart
+        spring_change(network, b, motion, resistances, pair)
         for a in range(7):
             bearing[b, 1 + a] += pair.spring[a]
 
 
 @njit(cache=True)
-def loads_of(rest, response, directions, radii, pairs, laws, jkr, dmt):
+def loads_of(rest, response, network, physics):
     """Loads (L,) at rest, (L, 5) per strain, and strengths (L,): tensions, then springs along their sides."""
+    radii, pairs = network.radii, network.pairs
     count = pairs.shape[0]
-    sliding, rolling, twisting, rods = laws
     limits, e = np.empty((3, 2)), np.zeros((2, 3))
     most = count * (3 + 2 * SIDES)
-    held, felt, strength = np.empty(most), np.empty((most, 5)), np.empty(most)
+    static, per_strain, strength = np.empty(most), np.empty((most, 5)), np.empty(most)
     for b in range(count):
-        held[b], felt[b] = rest[b, 0], response[b, 0]
+        static[b], per_strain[b] = rest[b, 0], response[b, 0]
         strength[b] = contact_pull_off_force(
-            harmonic_radius(radii[pairs[b, 0]], radii[pairs[b, 1]]), jkr, dmt
+            harmonic_radius(radii[pairs[b, 0]], radii[pairs[b, 1]]), physics.contact
         )
     row = count
     for b in range(count):
         i, j = pairs[b, 0], pairs[b, 1]
-        contact_limits(harmonic_radius(radii[i], radii[j]), sliding, rolling, twisting, rods, limits)
-        across(directions[i, j], e)
+        contact_limits(harmonic_radius(radii[i], radii[j]), physics.resistances, limits)
+        across(network.directions[i, j], e)
         for spring in range(3):
             if limits[spring, 0] == np.inf:
                 continue
             sides = SIDES if spring < 2 else 2
             for side in range(sides):
-                held[row] = limits[spring, 1] * rest[b, 0]
+                static[row] = limits[spring, 1] * rest[b, 0]
                 for c in range(5):
-                    felt[row, c] = limits[spring, 1] * response[b, 0, c]
+                    per_strain[row, c] = limits[spring, 1] * response[b, 0, c]
                 if spring == 2:
                     sign = 1.0 - 2.0 * side
-                    held[row] += sign * rest[b, 7]
+                    static[row] += sign * rest[b, 7]
                     for c in range(5):
-                        felt[row, c] += sign * response[b, 7, c]
+                        per_strain[row, c] += sign * response[b, 7, c]
                     strength[row] = limits[2, 0]
                 else:
                     angle = 2.0 * np.pi * side / SIDES
                     for k in range(3):
                         share = np.cos(angle) * e[0, k] + np.sin(angle) * e[1, k]
-                        held[row] += share * rest[b, 1 + 3 * spring + k]
+                        static[row] += share * rest[b, 1 + 3 * spring + k]
                         for c in range(5):
-                            felt[row, c] += share * response[b, 1 + 3 * spring + k, c]
+                            per_strain[row, c] += share * response[b, 1 + 3 * spring + k, c]
                     strength[row] = limits[spring, 0] * np.cos(np.pi / SIDES)
                 row += 1
-    return held[:row].copy(), felt[:row].copy(), strength[:row].copy()
+    return static[:row].copy(), per_strain[:row].copy(), strength[:row].copy()
 
 
 @njit(cache=True)
@@ -227,19 +220,24 @@ def across(normal, e):
 
 
 @njit(cache=True)
-def analyse_with_moments(work, positions, bonded, springs, radii, physics, coupled, stresslets, table):
+def analyse_with_torques(work, positions, bonded, springs, radii, physics):
     """(RIGID, FLOPPY or FAILED, body) of one connected aggregate; positions (P, 3) about its centre, springs (P, P, 7)."""
     n = radii.shape[0]
     if n == 1:
         return RIGID, of_sphere(radii[0])
     body = empty_body(n)
     m = 3 * n
-    jkr, dmt = physics.jkr, physics.dmt
-    laws = (physics.sliding, physics.rolling, physics.twisting, physics.rods)
     count = count_contacts(bonded)
-    stokesian.measure(positions, work.directions, work.distances)
-    pairs, slopes = np.empty((count, 2), np.int64), np.empty(count)
-    maps, pair = np.empty((count, 7, 12)), new_pair()
+    measure(positions, work.directions, work.distances)
+    network = Network(
+        work.directions,
+        work.distances,
+        radii,
+        np.empty((count, 2), np.int64),
+        np.empty(count),
+        np.empty((count, 7, 12)),
+    )
+    pairs, slopes, maps, pair = network.pairs, network.slopes, network.maps, new_pair()
     rest, response = np.zeros((count, 8)), np.zeros((count, 8, 5))
     unbalanced, stiffness = np.zeros(2 * m), np.zeros((2 * m, 2 * m))
     typical = 0.0
@@ -250,24 +248,13 @@ def analyse_with_moments(work, positions, bonded, springs, radii, physics, coupl
             gap = distance - radii[i] - radii[j]
             radius = harmonic_radius(radii[i], radii[j])
             if bonded[i, j]:
-                force, slopes[b] = linear_contact(gap, radius, jkr, dmt)
+                force, slopes[b] = linear_contact(gap, radius, physics.contact)
                 pairs[b, 0], pairs[b, 1] = i, j
                 typical = max(typical, slopes[b])
+                share_1 = radii[j] / (radii[i] + radii[j])
+                turned = Turned(springs[i, j], pair.no_turns, direction, distance, share_1, radius, force)
                 code = contact_resistance(
-                    springs[i, j],
-                    pair.no_turns,
-                    direction,
-                    distance,
-                    radii[j] / (radii[i] + radii[j]),
-                    radius,
-                    force,
-                    physics.sliding,
-                    physics.rolling,
-                    physics.twisting,
-                    physics.rods,
-                    pair.spring,
-                    pair.loads,
-                    pair.tangent,
+                    turned, physics.resistances, Response(pair.spring, pair.loads, pair.tangent)
                 )
                 if code != STUCK:
                     return FLOPPY, body
@@ -279,9 +266,7 @@ def analyse_with_moments(work, positions, bonded, springs, radii, physics, coupl
                 add_loads(unbalanced, direction, distance, i, j, n, pair)
                 b += 1
             elif gap < FORCE_RANGE:
-                force, _ = non_contact_force(
-                    gap, radius, physics.van_der_waals, physics.double_layer, physics.short_range
-                )
+                force, _ = non_contact_force(gap, radius, physics.pair_forces)
             else:
                 continue
             for k in range(3):
@@ -291,38 +276,35 @@ def analyse_with_moments(work, positions, bonded, springs, radii, physics, coupl
     if not factorise_network(stiffness, modes, typical):
         return FLOPPY, body
     solve_cholesky(stiffness, unbalanced)
-    directions, distances = work.directions, work.distances
-    add_bearing(rest, directions, distances, radii, pairs, slopes, maps, unbalanced, laws, pair)
+    add_bearing(rest, network, unbalanced, physics.resistances, pair)
 
-    if stokesian.level_resistance(work, radii, coupled, stresslets) != 0:
+    level = physics.level
+    if levels.resistance(level, work, radii) != 0:
         return FAILED, body
     unit, drives = np.eye(5), np.empty((5, 2 * m))
-    drive_by_strains(work, radii, unit, drives, physics.cutoff, physics.shifted, stresslets, table)
-    pulled, grand = pull_of_modes(work.resistance, modes), np.zeros((6, 6))
-    if not rigid_resistance(modes, pulled, 0.0, grand):
+    drive_by_strains(level, work, radii, unit, drives)
+    rigid = RigidMotions(modes, pull_of_modes(work.resistance, modes), np.zeros((6, 6)))
+    if not rigid_resistance(rigid, 0.0):
         return FAILED, body
-    relative, load = np.empty(2 * m), np.empty(2 * m)
+    relative, load, own = np.empty(2 * m), np.empty(2 * m), np.empty(6)
     for k in range(5):
-        move_as_body(
-            work.resistance, positions, modes, pulled, grand, drives[k], unit, k, body, relative, load
-        )
-        add_stresslet(
-            work, radii, positions, relative, load, physics.cutoff, stresslets, table, unit, k, body
-        )
+        move_as_body(work.resistance, positions, rigid, drives[k], unit[k], own, relative, load)
+        keep_motion(body, k, own)
+        add_stresslet(level, work, radii, positions, relative, load, unit[k], body.stresslet[:, k])
         # Contacts supply the load: K motion = -load.
         for row in range(2 * m):
             load[row] = -load[row]
         solve_cholesky(stiffness, load)
-        add_bearing(response[:, :, k], directions, distances, radii, pairs, slopes, maps, load, laws, pair)
-    held, felt, strength = loads_of(rest, response, directions, radii, pairs, laws, jkr, dmt)
+        add_bearing(response[:, :, k], network, load, physics.resistances, pair)
+    static, per_strain, strength = loads_of(rest, response, network, physics)
     return RIGID, RigidBody(
         positions.copy(),
         body.spin,
         body.drift,
         body.stresslet,
         count,
-        held,
-        felt,
+        static,
+        per_strain,
         strength,
         squared_radius(positions, radii),
     )

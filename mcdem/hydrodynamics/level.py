@@ -1,0 +1,179 @@
+"""What a level of hydrodynamics is: the contract, and the compiled functions that serve all of them.
+
+    R (u - u_inf) = F + drive
+
+A file of this package states its level as `LEVEL`.  Compiled code holds the parameters of the level that a scene chooses, and
+its functions are looked up by their type when the code is compiled: a coarser level leaves nothing of a finer one behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from numba import njit
+from numba.extending import overload
+
+
+@dataclass(frozen=True)
+class Level:
+    """A level of hydrodynamics; work arrays are those of `resistance.workspace`, radii (N,).
+
+    parameters : NamedTuple of what it needs
+    build : (cut-off over a, whether the strain sees the cut-off too, radii over a) -> its parameters
+    resistance : compiled, (parameters, work, radii) -> 0 or an error code; that without the two-body part into `work.resistance`
+    strain_drive : compiled, (parameters, work, strain (5,)); what it exerts, into `work.drive`, after `resistance`
+    two_body : compiled, (parameters, work, radii, strain (3, 3)) adds the two-body part to both
+    stresslets : compiled, (parameters, work, radii, rates (6N,), strain (5,), out (N, 5)); those exerted on the fluid
+    two_body_of_strains : compiled, (parameters, work, radii, strains (5, 5), drives (5, 6N)), as `two_body` for five at once
+    coupled : whether spheres feel each other;  stresslet_couplings : whether through their stresslets too, so that a far field is
+        worth keeping and rigid aggregates may approach as bodies with a stresslet;  lubrication : whether pairs have it
+    """
+
+    parameters: type
+    build: Callable[..., Any]
+    resistance: Callable[..., Any]
+    strain_drive: Callable[..., Any]
+    two_body: Callable[..., Any]
+    stresslets: Callable[..., Any]
+    two_body_of_strains: Callable[..., Any] | None = None
+    coupled: bool = False
+    stresslet_couplings: bool = False
+    lubrication: bool = False
+
+
+@njit(cache=True)
+def no_drive(level, work, strain_five):
+    """Strain exerts nothing on spheres held still."""
+    work.drive[:] = 0.0
+
+
+@njit(cache=True)
+def no_two_body(level, work, radii, strain):
+    """Pairs have no two-body part."""
+
+
+@njit(cache=True)
+def no_two_body_of_strains(level, work, radii, strains, drives):
+    """Pairs have no two-body part."""
+
+
+@njit(cache=True)
+def single_stresslets(level, work, radii, rates, strain_five, out):
+    """Stresslets of single spheres, -10/9 a^3 E exerted on the fluid, into out (N, 5)."""
+    for i in range(radii.shape[0]):
+        for k in range(5):
+            out[i, k] = -10.0 / 9.0 * radii[i] ** 3 * strain_five[k]
+
+
+_LEVEL_OF: dict[type, Level] = {}
+
+
+def know(level: Level) -> None:
+    """Let compiled code find the functions of a level by the type of its parameters."""
+    _LEVEL_OF[level.parameters] = level
+
+
+def level_of(parameters: Any) -> Level:
+    """The level whose parameters have this numba type."""
+    return _LEVEL_OF[parameters.instance_class]
+
+
+def _resistance(level, work, radii):
+    raise NotImplementedError("compiled code only")
+
+
+@overload(_resistance)
+def _(level, work, radii):
+    own = level_of(level).resistance
+    return lambda level, work, radii: own(level, work, radii)
+
+
+@njit(cache=True)
+def resistance(level, work, radii):
+    """Resistance without the two-body part into `work.resistance`; 0 or an error code."""
+    return _resistance(level, work, radii)
+
+
+def _strain_drive(level, work, strain_five):
+    raise NotImplementedError("compiled code only")
+
+
+@overload(_strain_drive)
+def _(level, work, strain_five):
+    own = level_of(level).strain_drive
+    return lambda level, work, strain_five: own(level, work, strain_five)
+
+
+@njit(cache=True)
+def strain_drive(level, work, strain_five):
+    """What a uniform strain (5,) exerts on spheres held still into `work.drive`, after `resistance`."""
+    _strain_drive(level, work, strain_five)
+
+
+def _two_body(level, work, radii, strain):
+    raise NotImplementedError("compiled code only")
+
+
+@overload(_two_body)
+def _(level, work, radii, strain):
+    own = level_of(level).two_body
+    return lambda level, work, radii, strain: own(level, work, radii, strain)
+
+
+@njit(cache=True)
+def two_body(level, work, radii, strain):
+    """Add the two-body part of every pair to the resistance and to what a strain (3, 3) exerts."""
+    _two_body(level, work, radii, strain)
+
+
+def _two_body_of_strains(level, work, radii, strains, drives):
+    raise NotImplementedError("compiled code only")
+
+
+@overload(_two_body_of_strains)
+def _(level, work, radii, strains, drives):
+    own = level_of(level).two_body_of_strains or no_two_body_of_strains
+    return lambda level, work, radii, strains, drives: own(level, work, radii, strains, drives)
+
+
+@njit(cache=True)
+def two_body_of_strains(level, work, radii, strains, drives):
+    """Add the two-body part of every pair to the resistance and to what each of the strains (5, 5) exerts, drives (5, 6N)."""
+    _two_body_of_strains(level, work, radii, strains, drives)
+
+
+def _stresslets(level, work, radii, rates, strain_five, out):
+    raise NotImplementedError("compiled code only")
+
+
+@overload(_stresslets)
+def _(level, work, radii, rates, strain_five, out):
+    own = level_of(level).stresslets
+    return lambda level, work, radii, rates, strain_five, out: own(level, work, radii, rates, strain_five, out)
+
+
+@njit(cache=True)
+def stresslets(level, work, radii, rates, strain_five, out):
+    """Stresslets exerted on the fluid into out (N, 5), from rates (6N,) of spheres in a strain (5,).
+
+    `work` holds the factor of `resistance` and what `strain_drive` left of the same strain; the latter is used up.
+    """
+    _stresslets(level, work, radii, rates, strain_five, out)
+
+
+def _is_coupled(level):
+    raise NotImplementedError("compiled code only")
+
+
+@overload(_is_coupled)
+def _(level):
+    coupled = level_of(level).coupled
+    return lambda level: coupled
+
+
+@njit(cache=True)
+def is_coupled(level):
+    """Whether spheres feel each other."""
+    return _is_coupled(level)
