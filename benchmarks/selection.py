@@ -26,9 +26,9 @@ import numpy as np
 
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.encounter.simulate import EncounterResult
-from mcdem.monte_carlo.event_selection import PairSelection
-from mcdem.monte_carlo.event_selection.inverse_transform import Inversion
-from mcdem.monte_carlo.event_selection.majorant_rejection import Clocks
+from mcdem.monte_carlo.event_selection import EventSelection
+from mcdem.monte_carlo.event_selection.inverse_transform import InverseTransform
+from mcdem.monte_carlo.event_selection.majorant_rejection import MajorantRejection
 from mcdem.monte_carlo.population import Population
 from mcdem.monte_carlo.process import Process
 from mcdem.monte_carlo.random_streams import stream
@@ -97,7 +97,7 @@ def encounter(
     return result("parted", [cluster(p, radius, rng) for p in (part, total - part)], total)
 
 
-def steady(number: int, seed: int, pair_selection: type[PairSelection] = Clocks) -> Process:
+def steady(number: int, seed: int, event_selection: type[EventSelection] = MajorantRejection) -> Process:
     """A process whose population has the sizes of the steady state from the start."""
     scene = Scene.from_text(SCENE).with_changes({"population.initial": number})
     radius, rng = scene.suspension.radius, stream(seed, "sizes")
@@ -110,7 +110,7 @@ def steady(number: int, seed: int, pair_selection: type[PairSelection] = Clocks)
     population = Population(radius, volume, number)
     for size in sizes.tolist():
         population.add(cluster(size, radius, rng))
-    selection = pair_selection(population, scene.flow.shear_rate, seed)
+    selection = event_selection(population, scene.flow.shear_rate, seed)
     return Process(scene, population, selection, Record(scene, seed))
 
 
@@ -147,8 +147,8 @@ def cost() -> None:
     follow(steady(100, 1), 500)  # compiles
     print(f"{'selection':12}{'N':>8}{'selection':>14}{'whole step':>14}{'epochs':>10}{'memory':>16}")
     for name, way, numbers, events in (
-        ("clocks", Clocks, (10**3, 10**4, 10**5), 20_000),
-        ("inversion", Inversion, (250, 1000, 4000), 60),
+        ("majorant_rejection", MajorantRejection, (10**3, 10**4, 10**5), 20_000),
+        ("inverse_transform", InverseTransform, (250, 1000, 4000), 60),
     ):
         costs = []
         for number in numbers:
@@ -159,7 +159,7 @@ def cost() -> None:
             selecting, stepping = follow(process, events)
             costs.append(selecting)
             epochs = (
-                f"{events / max(getattr(process.selection, 'epoch', 0), 1):.0f} ev." if way is Clocks else ""
+                f"{events / max(getattr(process.selection, 'epoch', 0), 1):.0f} ev." if way is MajorantRejection else ""
             )
             print(
                 f"{name:12}{number:8d}{1e6 * selecting:11.1f} us{1e6 * stepping:11.1f} us{epochs:>10}"

@@ -108,12 +108,12 @@ class Aggregate:
             )
         bonded = np.zeros(gaps.shape, bool)
         if bonds is None:
-            jkr = scene.effects.jkr
-            reach = jkr.kernel(scene).pull_off_gap * radius if jkr is not None else 0.0
+            contact = scene.effects.contact
+            reach = contact.pull_off_gap(radius) if contact is not None else 0.0
             if sizes is None:
                 bonded[gaps <= reach] = True
             else:
-                # The pull-off gap grows with the cube root of the reduced radius (`effects.jkr`).
+                # The pull-off gap grows with the cube root of the reduced radius (`effects.elastic_contact`).
                 reduced = 2.0 * sizes[:, None] * sizes[None] / (touching * radius)
                 bonded[gaps <= reach * np.cbrt(reduced)] = True
         else:
@@ -181,8 +181,8 @@ def radii_of(scene: Scene, radii: ArrayLike | None, count: int) -> NDArray[np.fl
 
 def overlap_limit(scene: Scene) -> float:
     """Largest overlap h/a accepted at the door, a the largest radius: well beyond what a contact bears, at least a hundredth."""
-    jkr = scene.effects.jkr
-    return max(0.01, 10.0 * jkr.kernel(scene).indentation) if jkr is not None else 0.01
+    contact, radius = scene.effects.contact, scene.suspension.radius
+    return 0.01 if contact is None else max(0.01, 10.0 * (contact.contact_radius(radius) / radius) ** 2)
 
 
 def split(bonded: NDArray[np.bool_]) -> list[NDArray[np.intp]]:

@@ -37,6 +37,10 @@ class ElasticContact(EffectTable):
         """b0 [m], without load, of two spheres of `radius` [m]."""
         raise NotImplementedError
 
+    def pull_off_gap(self, radius: float) -> float:
+        """h_po [m] of two spheres of `radius` [m], at which a contact is lost; it grows with the cube root of the radius."""
+        return 0.0
+
     @property
     def reduced_modulus(self) -> float:
         """E* = E/(2 (1 - nu^2)) [Pa] of two bodies of the material."""

@@ -40,6 +40,10 @@ class JKR(ElasticContact):
         """b0 [m], without load, of two spheres of `radius` [m]."""
         return float((2.25 * pi * self.surface_energy * radius**2 / self.reduced_modulus) ** (1.0 / 3.0))
 
+    def pull_off_gap(self, radius: float) -> float:
+        """h_po [m] of two spheres of `radius` [m] (Eq. 15)."""
+        return (self.contact_radius(radius) / radius) ** 2 * 0.5 ** (1.0 / 3.0) / 3.0 * radius
+
     def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> JKRKernel:
         """The parameters in reduced units, for two primaries of radius a."""
         return from_scales(

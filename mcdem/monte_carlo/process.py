@@ -3,7 +3,7 @@
 The story, told by `run` and `Process`:
 
 1. the sample volume holds `population.initial` free primary particles;
-2. the clocks of all pairs tell which two aggregates meet next, and when (`pair_selection`, Eqs. 1-6);
+2. the clocks of all pairs tell which two aggregates meet next, and when (`event_selection`, Eqs. 1-6);
 3. the encounter is resolved by the motion of every primary particle (`encounter`): what comes out takes its parents'
    places, with its own geometry;
 4. when the aggregates have become few, an exact copy of all is added and the volume doubled;
@@ -33,7 +33,7 @@ import threadpoolctl
 from mcdem.encounter.simulate import EncounterResult, simulate_encounter
 from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo import executors
-from mcdem.monte_carlo.event_selection import Meeting, PairSelection, pair_selection
+from mcdem.monte_carlo.event_selection import EventSelection, Meeting, event_selection
 from mcdem.monte_carlo.executors import Encounter
 from mcdem.monte_carlo.population import Population, Product
 from mcdem.monte_carlo.random_streams import checked
@@ -54,7 +54,7 @@ class Process:
 
     scene: Scene
     population: Population
-    selection: PairSelection
+    selection: EventSelection
     record: Record
     time: float = 0.0
     """Process time [s]."""
@@ -64,13 +64,13 @@ class Process:
         population = Population.of_primaries(scene)
         record = Record(scene, checked(seed), keep_parents)
         record.sample(0.0, population)
-        return cls(scene, population, pair_selection(scene, population, seed), record)
+        return cls(scene, population, event_selection(scene, population, seed), record)
 
     @classmethod
     def resume(cls, scene: Scene, path: Path) -> Process:
         """The process as a dataset left it."""
         record, time, population, clocks = Record.read(path, scene)
-        return cls(scene, population, pair_selection(scene, population, record.seed, clocks), record, time)
+        return cls(scene, population, event_selection(scene, population, record.seed, clocks), record, time)
 
     @property
     def events(self) -> int:

@@ -8,7 +8,7 @@ from scipy import stats
 from mcdem.figures.style import BLUE, VERMILION, canvas, legend
 from validation.case import Case, Context, Findings, above
 
-WAYS = ("clocks", "inversion")
+WAYS = ("majorant_rejection", "inverse_transform")
 SIZES = (1, 1, 2, 3, 5, 8, 13, 40)
 SIGNIFICANCE = 1e-4
 
@@ -19,16 +19,16 @@ def parts(context: Context):
 
 def measure(context: Context, way: str):
     import mcdem
-    from mcdem.monte_carlo.event_selection import pair_selection
+    from mcdem.monte_carlo.event_selection import event_selection
     from mcdem.monte_carlo.population import Population
     from validation.exact.encounters import compact
 
-    scene = mcdem.load_scene("scenes/paper-1000Pa.toml").with_changes({"numerics.pair_selection": way})
+    scene = mcdem.load_scene("scenes/paper-1000Pa.toml").with_changes({"numerics.event_selection": way})
     radius = scene.suspension.radius
     population = Population(radius, 1e-12)
     for size in SIZES:
         population.add(compact(size, radius))
-    selection = pair_selection(scene, population, context.seed)
+    selection = event_selection(scene, population, context.seed)
     found = []
     for _ in range(4_000 if context.quick else 40_000):
         meeting = selection.ahead(1).meeting(0)

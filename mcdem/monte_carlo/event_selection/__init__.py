@@ -4,8 +4,9 @@ Each pair (i, j) meets at the rate f_ij = (4/3) g (R_i + R_j)^3 / Delta V (Frung
 are competing Poisson processes; in other flows than simple shear, g is that of one in which they meet as often.
 Both ways here sample exactly that law:
 
-- `clocks`: thinned proposals that do not depend on what the places hold, so that those ahead are known; the default.
-- `inversion`: the paper's own Eqs. 3-6 over the table of all pairs; the slow twin.
+- `majorant_rejection`: proposals at a rate above all pairs', thinned (Lewis & Shedler 1979); they do not depend on what the places
+  hold, so that those ahead are known; the default.
+- `inverse_transform`: the paper's own Eqs. 3-6 over the table of all pairs; the slow twin.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ class Meetings:
         )
 
 
-class PairSelection(Protocol):
+class EventSelection(Protocol):
     """A way to draw the sequence of encounters of a population that changes between them."""
 
     def ahead(self, count: int) -> Meetings:
@@ -83,15 +84,18 @@ class PairSelection(Protocol):
         """Numbers and arrays from which to continue bit for bit."""
 
 
-def pair_selection(
+def event_selection(
     scene: Scene, population: Population, seed: int, state: dict[str, Any] | None = None
-) -> PairSelection:
-    """The way that the scene's `numerics.pair_selection` names, at the start or from a state."""
-    from mcdem.monte_carlo.event_selection.inverse_transform import Inversion
-    from mcdem.monte_carlo.event_selection.majorant_rejection import Clocks
+) -> EventSelection:
+    """The way that the scene's `numerics.event_selection` names, at the start or from a state."""
+    from mcdem.monte_carlo.event_selection.inverse_transform import InverseTransform
+    from mcdem.monte_carlo.event_selection.majorant_rejection import MajorantRejection
 
-    way: type[Clocks] | type[Inversion] = Clocks if scene.numerics.pair_selection == "clocks" else Inversion
-    return way(population, scene.flow.equivalent_shear_rate, seed, state)
+    ways: dict[str, Any] = {"majorant_rejection": MajorantRejection, "inverse_transform": InverseTransform}
+    chosen: EventSelection = ways[scene.numerics.event_selection](
+        population, scene.flow.equivalent_shear_rate, seed, state
+    )
+    return chosen
 
 
 def encounter_rate(shear_rate: float, volume: float) -> float:

@@ -1,6 +1,6 @@
 """Encounters as the paper draws them: the table of all pair frequencies, and inversion (Frungieri & Vanni, Eqs. 2-6).
 
-The table costs N^2 memory and its sums N^2 time per event; it is here as the reference that `clocks` is held against.
+The table costs N^2 memory and its sums N^2 time per event; it is here as the reference that `majorant_rejection` is held against.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from mcdem.monte_carlo.population import Population
 
 
-class Inversion:
-    """`PairSelection` by Eqs. 2-6.  Every change of the population changes what is drawn next: one ahead, no more."""
+class InverseTransform:
+    """`EventSelection` by Eqs. 2-6.  Every change of the population changes what is drawn next: one ahead, no more."""
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class Inversion:
         if self.population.number < 2 or count < 1:
             none = np.empty(0, dtype=np.int64)
             return Meetings(np.empty(0), none, none, 0, none)
-        waiting, choice = stream(self.seed, "inversion", self.number).random(2)
+        waiting, choice = stream(self.seed, "inverse_transform", self.number).random(2)
         cumulative = np.cumsum(self.frequency)
         total = cumulative[-1]
         quiescence = -np.log1p(-waiting) / total

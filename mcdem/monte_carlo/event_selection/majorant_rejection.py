@@ -64,8 +64,8 @@ def accepted(first, second, reach, radius, start, found):
     return count
 
 
-class Clocks:
-    """`PairSelection` by thinned proposals.
+class MajorantRejection:
+    """`EventSelection` by thinned proposals.
 
     Attributes
     ----------

@@ -13,14 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from mcdem.monte_carlo.event_selection import PairSelection, encounter_rate, pair_selection
-from mcdem.monte_carlo.event_selection.majorant_rejection import BLOCK, Clocks, capacity_for
+from mcdem.monte_carlo.event_selection import EventSelection, encounter_rate, event_selection
+from mcdem.monte_carlo.event_selection.majorant_rejection import BLOCK, MajorantRejection, capacity_for
 from mcdem.monte_carlo.population import Population
 from mcdem.monte_carlo.process import Process
 from mcdem.monte_carlo.random_streams import stream
 
 SIGNIFICANCE = 1e-3
-WAYS = ("clocks", "inversion")
+WAYS = ("majorant_rejection", "inverse_transform")
 
 
 def polydisperse(scene, sizes) -> Population:
@@ -39,7 +39,7 @@ def frequencies(population: Population, shear_rate: float) -> np.ndarray:
     return np.triu(f, 1)
 
 
-def meetings(selection: PairSelection, count: int) -> tuple[np.ndarray, np.ndarray]:
+def meetings(selection: EventSelection, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Times and pairs of encounters that change nothing."""
     found = []
     for _ in range(count):
@@ -52,9 +52,9 @@ def meetings(selection: PairSelection, count: int) -> tuple[np.ndarray, np.ndarr
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("sizes", [[1] * 5, [1, 1, 2, 3, 5, 8, 13, 40], [7, 9]])
 def test_waiting_times_and_pairs_follow_the_frequencies(way, sizes):
-    scene = synthetic.scene(numerics__pair_selection=way)
+    scene = synthetic.scene(numerics__event_selection=way)
     population = polydisperse(scene, sizes)
-    times, pairs = meetings(pair_selection(scene, population, seed=3), 4000)
+    times, pairs = meetings(event_selection(scene, population, seed=3), 4000)
     f = frequencies(population, scene.flow.shear_rate)
     waits = np.diff(times, prepend=0.0) * f.sum()
     assert stats.kstest(waits, "expon").pvalue > SIGNIFICANCE  # Eq. 4
@@ -73,7 +73,7 @@ def test_waiting_times_and_pairs_follow_the_frequencies(way, sizes):
 
 def histories(way: str, encounter, replicas: int, events: int, fewest: int = 2, **changes) -> list[Process]:
     """Whole processes, without files, each with its own seed, until so many events or so few aggregates."""
-    scene = synthetic.scene(numerics__pair_selection=way, **changes)
+    scene = synthetic.scene(numerics__event_selection=way, **changes)
     done = []
     for seed in range(replicas):
         process = Process.begin(scene, seed, ())
@@ -93,10 +93,10 @@ def test_both_ways_agree_while_aggregates_form_and_break():
         for way in WAYS
     }
     assert (
-        min(run.population.volume for run in runs["clocks"])
-        > Population.of_primaries(runs["clocks"][0].scene).volume
+        min(run.population.volume for run in runs["majorant_rejection"])
+        > Population.of_primaries(runs["majorant_rejection"][0].scene).volume
     )
-    assert min(run.selection.epoch for run in runs["clocks"]) >= 3
+    assert min(run.selection.epoch for run in runs["majorant_rejection"]) >= 3
     for observe in (
         lambda run: run.time,
         lambda run: run.population.mean_size,
@@ -168,7 +168,7 @@ def test_no_pair_is_rarer_than_it_should_be(sizes, seed):
     """Every class's bound holds its members, and every member has a slot of its own."""
     scene = synthetic.scene()
     population = polydisperse(scene, sizes)
-    clocks = Clocks(population, scene.flow.shear_rate, seed)
+    clocks = MajorantRejection(population, scene.flow.shear_rate, seed)
     for place, aggregate in population:
         slot = clocks._slot[place]
         held = int(np.searchsorted(clocks._base, slot, side="right")) - 1
@@ -182,7 +182,7 @@ def test_rejection_is_bounded_whatever_the_sizes():
     scene = synthetic.scene()
     for sizes in ([1] * 300, [1] * 250 + [30], list(range(1, 60))):
         population = polydisperse(scene, sizes)
-        clocks = Clocks(population, scene.flow.shear_rate, 1)
+        clocks = MajorantRejection(population, scene.flow.shear_rate, 1)
         share = frequencies(population, scene.flow.shear_rate).sum() / clocks._cumulative[-1]
         assert share > 0.01
 
@@ -209,16 +209,16 @@ def test_a_restored_selection_goes_on_with_the_same_encounters(way, events):
         [population.serials[p] for p in places],
         aggregates,
     )
-    restored = pair_selection(run.scene, copy, 0, run.selection.state())
+    restored = event_selection(run.scene, copy, 0, run.selection.state())
     again = restored.ahead(1000)
     assert again.epoch == known.epoch
     for name in ("times", "first", "second", "numbers"):
         assert np.array_equal(getattr(again, name), getattr(known, name))
-    if way == "clocks":
+    if way == "majorant_rejection":
         assert known.numbers[-1] > 2 * BLOCK
 
 
 def test_a_single_aggregate_meets_nobody():
     for way in WAYS:
-        scene = synthetic.scene(numerics__pair_selection=way)
-        assert len(pair_selection(scene, polydisperse(scene, [3]), 1).ahead(5)) == 0
+        scene = synthetic.scene(numerics__event_selection=way)
+        assert len(event_selection(scene, polydisperse(scene, [3]), 1).ahead(5)) == 0
