@@ -108,7 +108,9 @@ def follow(
     done = {(row.kind, row.seed, row.reading) for row in rows}
     late = [k for k, time in enumerate(run.snapshot_times[:-1]) if time >= since]
     scene = run.scene
-    scheme = scene.with_changes({"numerics.scheme": "paper", "numerics.paper_step_velocity": reading})
+    scheme = scene.with_changes(
+        {"numerics.scheme": "explicit_euler", "numerics.explicit_euler.step_velocity": reading}
+    )
     found = list(drawn(scene, [aggregate for k in late for aggregate in run.aggregates(k)]))
     order = np.random.default_rng(0).permutation(len(found))
     for k in order[:most]:

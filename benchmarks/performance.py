@@ -227,7 +227,9 @@ def pecnut_solve(checkout: Path, positions: np.ndarray) -> Callable[[], object]:
 def encounters(run: Path, scene: mcdem.Scene, starts: int, seed: int) -> None:
     """Print the times of encounters under the default and under the paper's scheme, on the same starts."""
     given = scene.with_changes({"numerics.scheme": "implicit"})
-    paper = given.with_changes({"numerics.scheme": "paper", "numerics.paper_step_velocity": "normal"})
+    paper = given.with_changes(
+        {"numerics.scheme": "explicit_euler", "numerics.explicit_euler.step_velocity": "normal"}
+    )
     pairs = draw_pairs(scene, [run], starts, seed)
     warm_up(given, pairs[0])
     mcdem.simulate_encounter(paper.with_changes({"numerics.rotations": 0.01}), *pairs[0], seed=0)

@@ -159,7 +159,9 @@ def cost() -> None:
             selecting, stepping = follow(process, events)
             costs.append(selecting)
             epochs = (
-                f"{events / max(getattr(process.selection, 'epoch', 0), 1):.0f} ev." if way is MajorantRejection else ""
+                f"{events / max(getattr(process.selection, 'epoch', 0), 1):.0f} ev."
+                if way is MajorantRejection
+                else ""
             )
             print(
                 f"{name:12}{number:8d}{1e6 * selecting:11.1f} us{1e6 * stepping:11.1f} us{epochs:>10}"

@@ -101,6 +101,16 @@ class NumericsOfScene(Table):
     """"majorant_rejection": encounters are proposed at a rate above all pairs' and thinned (Lewis & Shedler 1979);
     "inverse_transform": the paper's Eqs. 4-6.  Equal in distribution."""
 
+    @property
+    def step(self) -> float:
+        """Time step of the scheme: in units of 1/g, or in seconds, as its key has it."""
+        return float(getattr(getattr(self, self.scheme), SCHEMES[self.scheme].step_key))
+
+    def with_step(self, step: float) -> Self:
+        """The same with another time step of the scheme, unchecked."""
+        keys = getattr(self, self.scheme).model_copy(update={SCHEMES[self.scheme].step_key: step})
+        return self.model_copy(update={self.scheme: keys})
+
 
 if TYPE_CHECKING:
 
@@ -113,9 +123,7 @@ else:
         __base__=NumericsOfScene,
         __module__=__name__,
         __doc__=NumericsOfScene.__doc__,
-        **{
-            name: (scheme.table, Field(default_factory=scheme.table)) for name, scheme in SCHEMES.items()
-        },
+        **{name: (scheme.table, Field(default_factory=scheme.table)) for name, scheme in SCHEMES.items()},
     )
 
 

@@ -50,7 +50,9 @@ def scene_of(scene: Scene, way: str) -> Scene:
     if way == REFERENCE:
         return settings_of(scene)[0].of(scene)
     if way == "paper":
-        return scene.with_changes({"numerics.scheme": "paper", "numerics.paper_step_velocity": "normal"})
+        return scene.with_changes(
+            {"numerics.scheme": "explicit_euler", "numerics.explicit_euler.step_velocity": "normal"}
+        )
     return scene
 
 

@@ -272,7 +272,11 @@ def absent_left_in() -> Iterator[None]:
         if physics.van_der_waals is None:
             table = {"hamaker_constant": "0.97e-20 J", "minimum_approach": "0.165 nm"}
             named = scene.with_changes({"effects.van_der_waals": table})
-            physics = physics._replace(van_der_waals=named.effects.van_der_waals.kernel(named))
+            physics = physics._replace(
+                van_der_waals=named.effects.get("van_der_waals").kernel(
+                    named.reduced, named.suspension, named.effects
+                )
+            )
         return flow, physics
 
     with _change_physics(change):

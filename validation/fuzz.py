@@ -68,7 +68,7 @@ class Body:
         settled = made.settled(scene, centres, self.seed)
         contact = scene.effects.contact
         assert contact is not None
-        kernel = contact.kernel(scene)
+        kernel = contact.kernel(scene.reduced, scene.suspension, scene.effects)
         rest, end = kernel.equilibrium_gap, kernel.pull_off_gap
         gap = rest + self.stretch * (end - rest if self.stretch > 0.0 else -rest)
         return Aggregate(settled.positions * (2.0 + gap) / (2.0 + rest), settled.bonds)
@@ -81,7 +81,7 @@ class Trial:
     viscosity: float
     shear_rate: float
     cutoff: float
-    cutoff_reading: str
+    cutoff_convention: str
     hamaker_constant: float
     minimum_approach: float
     surface_energy: float
@@ -116,7 +116,7 @@ class Trial:
             "effects.jkr.surface_energy": f"{self.surface_energy!r} J/m^2",
             "effects.jkr.elastic_modulus": f"{self.elastic_modulus!r} Pa",
             "hydrodynamics.lubrication_cutoff": self.cutoff,
-            "hydrodynamics.cutoff_reading": self.cutoff_reading,
+            "hydrodynamics.cutoff_convention": self.cutoff_convention,
             "numerics.scheme": self.scheme,
             "numerics.start_distance": self.start_distance,
             "numerics.rotations": self.rotations,
@@ -148,7 +148,7 @@ def draw(rng: np.random.Generator) -> Trial:
 
     return Trial(
         **values,
-        cutoff_reading=("matrix", "gap")[rng.integers(2)],
+        cutoff_convention=("matrix", "gap")[rng.integers(2)],
         scheme="paper" if explicit else "implicit",
         first=body(),
         second=body(),
@@ -194,8 +194,14 @@ def excused(trial: Trial, scene: Scene) -> bool:
     cutoff - h against a resistance that grows as 1/cutoff, without bound once contacts overlap by more than the cut-off.
     """
     contact = scene.effects.contact
-    overlap = -contact.kernel(scene).equilibrium_gap if contact is not None else 0.0
-    return trial.scheme == "paper" or (trial.cutoff_reading == "matrix" and trial.cutoff < overlap)
+    overlap = (
+        -contact.kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
+        if contact is not None
+        else 0.0
+    )
+    return trial.scheme == "explicit_euler" or (
+        trial.cutoff_convention == "matrix" and trial.cutoff < overlap
+    )
 
 
 def attempt(trial: Trial) -> Told:

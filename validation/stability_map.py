@@ -65,7 +65,7 @@ class Sweep(NamedTuple):
         # The frozen matrix would squeeze contacts that overlap by more than the cut-off: not a matter of steps.
         return base.with_changes(
             {
-                "hydrodynamics.cutoff_reading": "gap",
+                "hydrodynamics.cutoff_convention": "gap",
                 "flow.shear_rate": f"{self.shear_rate!r} 1/s",
                 self.key: given,
             }
@@ -107,10 +107,10 @@ class Scheme(NamedTuple):
 SCHEMES = {
     "euler": Scheme(
         "explicit Euler",
-        {"numerics.scheme": "paper", "numerics.paper_close_gap": 1e-12},
+        {"numerics.scheme": "explicit_euler", "numerics.explicit_euler.close_gap": 1e-12},
         "paper_base_step",
     ),
-    "paper": Scheme("explicit Euler with Eq. 20", {"numerics.scheme": "paper"}, "paper_base_step"),
+    "paper": Scheme("explicit Euler with Eq. 20", {"numerics.scheme": "explicit_euler"}, "paper_base_step"),
     "implicit": Scheme("implicit", {"numerics.scheme": "implicit"}, "max_step"),
 }
 
@@ -120,9 +120,9 @@ SCHEMES = {
 
 def attraction(scene: Scene) -> VanDerWaalsKernel:
     """The scene's van der Waals attraction, in reduced units."""
-    law = scene.effects.van_der_waals
+    law = scene.effects.get("van_der_waals")
     assert law is not None
-    return law.kernel(scene)
+    return law.kernel(scene.reduced, scene.suspension, scene.effects)
 
 
 def pair(scene: Scene, gap: float, bonded: bool) -> Start:

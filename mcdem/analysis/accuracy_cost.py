@@ -57,7 +57,7 @@ def level_changes(level: str) -> dict[str, Any]:
     """Keys that bring a scene to a level of hydrodynamics; those of lubrication go where there is none."""
     changes: dict[str, Any] = {"hydrodynamics.level": level}
     if level != "stokesian":
-        changes |= {"hydrodynamics.lubrication_cutoff": None, "hydrodynamics.cutoff_reading": None}
+        changes |= {"hydrodynamics.lubrication_cutoff": None, "hydrodynamics.cutoff_convention": None}
     return changes
 
 
@@ -70,15 +70,15 @@ def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
         )
     n = scene.numerics
     exact = {
-        "numerics.far_field_lag": 0.0,
+        "numerics.implicit.far_field_tolerance": 0.0,
         "numerics.far_approach": 0.0,
         "numerics.sure_miss": 0.0,
         "numerics.separation": 0.0,
         "numerics.rigid_rotation": False,
-        "numerics.end_inert": False,
+        "numerics.end_stable": False,
     }
     found = [
-        Setting(REFERENCE, "reference", {**exact, "numerics.max_step": 0.25 * n.max_step}),
+        Setting(REFERENCE, "reference", {**exact, "numerics.implicit.max_step": 0.25 * n.max_step}),
         Setting(GIVEN, "as given"),
         Setting("all shortcuts off", "shortcuts", exact),
     ]
@@ -99,7 +99,7 @@ def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
     turn("rotations", (2.0,) if quick else (1.0, 2.0, 4.0, 16.0))
     turn("start_distance", () if quick else (2.5, 5.0, 10.0))
     found.append(Setting("rigid rotation off", "rigid_rotation", {"numerics.rigid_rotation": False}))
-    found.append(Setting("inert ends off", "end_inert", {"numerics.end_inert": False}))
+    found.append(Setting("inert ends off", "end_inert", {"numerics.end_stable": False}))
     if not quick and scene.hydrodynamics.lubrication:
         delta = scene.hydrodynamics.lubrication_cutoff
         found.extend(
@@ -113,7 +113,7 @@ def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
             for level in ("free_draining", "rotne_prager", "fts")
             if level != scene.hydrodynamics.level
         )
-    coarse = {"numerics.max_step": 2.0 * n.max_step, "numerics.far_field_lag": 0.6}
+    coarse = {"numerics.implicit.max_step": 2.0 * n.max_step, "numerics.implicit.far_field_tolerance": 0.6}
     found.append(Setting("coarse", "together", coarse))
     if not quick:
         found.append(Setting("coarse, 2 rotations", "together", {**coarse, "numerics.rotations": 2.0}))
@@ -211,7 +211,7 @@ def warm_up_bodies(scene: Scene) -> None:
     corners = radius / np.sqrt(2.0) * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
     bonds = [(i, j) for j in range(4) for i in range(j)]
     tetrahedron = Aggregate.from_positions(scene, corners, bonds)
-    turning = scene.with_changes({"numerics.end_inert": False, "numerics.rotations": 0.1})
+    turning = scene.with_changes({"numerics.end_stable": False, "numerics.rotations": 0.1})
     for height in (1.0, 5.0):
         simulate_encounter(turning, tetrahedron, tetrahedron, offset=(0.0, height * radius), seed=0)
 

@@ -114,10 +114,10 @@ def _left_out(scene: Scene) -> Iterator[Finding]:
 def _holding(scene: Scene) -> Iterator[Finding]:
     """What holds aggregates together, and whether its parameters agree."""
     effects, unit = scene.effects, scene.reduced
-    van_der_waals, contact = effects.van_der_waals, effects.contact
+    van_der_waals, contact = effects.get("van_der_waals"), effects.contact
 
     if contact is not None:
-        adhesion = contact.kernel(scene).pull_off_force
+        adhesion = contact.kernel(scene.reduced, scene.suspension, scene.effects).pull_off_force
         cohesion = 1.0 / adhesion
         name = "cohesion number 6 pi mu a^2 g/F_adh"
         # A touching doublet is pulled apart with at most 6.12 pi mu a^2 g in simple shear, whose strain stretches at g/2.
@@ -131,7 +131,7 @@ def _holding(scene: Scene) -> Iterator[Finding]:
         else:
             words = f"doublets feel {doublet:.2g} F_adh: only large aggregates break, and they will be costly to follow"
             yield Finding(name, cohesion, "note", words)
-    elif effects.born is None and effects.steric is None:
+    elif effects.get("born") is None and effects.get("steric") is None:
         words = (
             "attraction and no law of contact: add [effects.jkr], or nothing stops the primaries where they meet"
             if van_der_waals is not None
@@ -167,7 +167,7 @@ def _holding(scene: Scene) -> Iterator[Finding]:
         soft, hard = tabor > 5.0, tabor < 0.1
         if soft or hard:
             right = "JKR" if soft else "DMT"
-            chosen = "JKR" if contact is effects.jkr else "DMT"
+            chosen = "JKR" if contact is effects.get("jkr") else "DMT"
             bound = "above 5" if soft else "below 0.1"
             verdict: Verdict = "fine" if chosen == right else "warning"
             words = f"{right} contacts are right ({bound})" + (
@@ -199,13 +199,13 @@ def _holding(scene: Scene) -> Iterator[Finding]:
 
 def _barrier(scene: Scene) -> Iterator[Finding]:
     """Whether the flow pushes pairs through the double layer."""
-    if scene.effects.double_layer is None:
+    if scene.effects.get("double_layer") is None:
         return
     import numpy as np
 
     from mcdem.effects import non_contact_force
 
-    thickness = min(scene.suspension.species) / scene.effects.double_layer.debye_length
+    thickness = min(scene.suspension.species) / scene.effects.get("double_layer").debye_length
     if thickness > 20.0:
         yield Finding(
             "kappa a", thickness, "fine", "the double layer is thin against the particles (above 20)"
@@ -214,7 +214,7 @@ def _barrier(scene: Scene) -> Iterator[Finding]:
         yield Finding(
             "kappa a", thickness, "note", "the double layer is hardly thin against the particles (10 to 20)"
         )
-    kernels = scene.effects.kernels(scene)
+    kernels = scene.effects.kernels(scene.reduced, scene.suspension)
     gaps = np.geomspace(1e-6, 1.0, 400)
     barrier = max(
         non_contact_force(h, 1.0, kernels.van_der_waals, kernels.double_layer, None)[0] for h in gaps
@@ -235,7 +235,7 @@ def _barrier(scene: Scene) -> Iterator[Finding]:
 def _capture(scene: Scene) -> Iterator[Finding]:
     """Where captures of primaries are decided, and what of the fluid's model is felt there."""
     a, cutoff = scene.suspension.radius, scene.hydrodynamics.lubrication_cutoff
-    van_der_waals = scene.effects.van_der_waals
+    van_der_waals = scene.effects.get("van_der_waals")
     if van_der_waals is None:
         return
     attraction = van_der_waals.hamaker_constant / (
@@ -297,26 +297,24 @@ def _capture(scene: Scene) -> Iterator[Finding]:
 def _frozen_matrix(scene: Scene) -> Iterator[Finding]:
     """Whether contacts lie so far below the cut-off that the strain squeezes them through the frozen resistance."""
     contact, fluid = scene.effects.contact, scene.hydrodynamics
-    if contact is None or not fluid.lubrication or fluid.cutoff_reading != "matrix":
+    if contact is None or not fluid.lubrication or fluid.cutoff_convention != "matrix":
         return
     from mcdem.hydrodynamics.two_sphere.tables import SMALLEST_GAP
 
-    overlap = -contact.kernel(scene).equilibrium_gap
+    overlap = -contact.kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
     frozen = max(fluid.lubrication_cutoff, SMALLEST_GAP)
     ratio, share = frozen / overlap, doublet_share(frozen, overlap)
     name = "cut-off delta over the overlap of a contact at rest"
     if share > 0.0:
-        told = f'with cutoff_reading = "matrix" a touching doublet bears {share:.2g} of its exact tension'
+        told = f'with cutoff_convention = "matrix" a touching doublet bears {share:.2g} of its exact tension'
     else:
-        told = (
-            'with cutoff_reading = "matrix" the flow presses a touching doublet together where it should pull'
-        )
+        told = 'with cutoff_convention = "matrix" the flow presses a touching doublet together where it should pull'
     if ratio > 5.0:
         yield Finding(name, ratio, "fine", f"contacts rest well above minus delta (above 5): {told}")
     elif ratio > 1.0:
         yield Finding(name, ratio, "note", f"contacts overlap by a good part of delta (1 to 5): {told}")
     else:
-        words = f'contacts overlap by more than delta (below 1): {told}; choose cutoff_reading = "gap"'
+        words = f'contacts overlap by more than delta (below 1): {told}; choose cutoff_convention = "gap"'
         yield Finding(name, ratio, "warning", words)
 
 
@@ -351,11 +349,11 @@ def _numerics(scene: Scene) -> Iterator[Finding]:
     numerics = scene.numerics
     if scene.effects.contact is not None:
         relaxation = contact_relaxation(scene)
-        base = numerics.paper_base_step
+        base = numerics.explicit_euler.base_step
         ratio = base / relaxation
         name = "paper's step dt_b over a contact's relaxation time"
         told = f"{relaxation:.2g} s; explicit steps are unstable above 2, near 1 under compression"
-        used = numerics.scheme == "paper"
+        used = numerics.scheme == "explicit_euler"
         other = "" if used else "; the implicit scheme of this scene has no such limit"
         if ratio < 0.3:
             yield Finding(name, ratio, "fine", f"dt_b resolves the contacts ({told}){other}")
@@ -365,7 +363,7 @@ def _numerics(scene: Scene) -> Iterator[Finding]:
             words = f"dt_b is past the limit of explicit steps ({told}){other}"
             yield Finding(name, ratio, "warning" if used else "note", words)
     if numerics.scheme == "implicit":
-        step = numerics.max_step
+        step = numerics.implicit.max_step
         name = "longest step, in strain"
         if step <= 0.1:
             yield Finding(name, step, "fine", "turning aggregates are resolved (up to 0.1)")
@@ -414,7 +412,7 @@ def contact_relaxation(scene: Scene) -> float:
     """
     contact, unit = scene.effects.contact, scene.reduced
     assert contact is not None
-    van_der_waals = scene.effects.van_der_waals
+    van_der_waals = scene.effects.get("van_der_waals")
     roughness = van_der_waals.minimum_approach / unit.length if van_der_waals is not None else 3e-4
     gap = scene.hydrodynamics.lubrication_cutoff or roughness
     damping = {
@@ -423,5 +421,5 @@ def contact_relaxation(scene: Scene) -> float:
         "fts": 40.0 / 21.0,  # half of X^A_11 - X^A_12 by `two_sphere.far_field` there
         "stokesian": 1.0 / (4.0 * gap),
     }
-    stiffness = contact.kernel(scene).equilibrium_stiffness
+    stiffness = contact.kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_stiffness
     return unit.time * damping[scene.hydrodynamics.level] / stiffness

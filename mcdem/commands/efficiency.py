@@ -92,12 +92,10 @@ def against_steps(scene: Scene):
     from mcdem.encounter.capture_efficiency import critical_offset, pair_efficiency
 
     table = Table("step", "eta_11", "change", "y_c(0)/a", "change", title="against the step")
-    paper = scene.numerics.scheme == "paper"
-    key = "paper_base_step" if paper else "max_step"
-    step = getattr(scene.numerics, key)
+    paper, step = scene.numerics.scheme == "explicit_euler", scene.numerics.step
     before: tuple[float, float] | None = None
     for factor in STEPS:
-        numerics = scene.numerics.model_copy(update={key: factor * step})
+        numerics = scene.numerics.with_step(factor * step)
         changed = scene.model_copy(update={"numerics": numerics})
         row = (
             pair_efficiency(changed).efficiency,
@@ -129,7 +127,7 @@ def against_cutoff(scene: Scene, cutoffs: list[float]):
         cells = []
         for reading in ("matrix", "gap"):
             hydrodynamics = scene.hydrodynamics.model_copy(
-                update={"lubrication_cutoff": delta, "cutoff_reading": reading}
+                update={"lubrication_cutoff": delta, "cutoff_convention": reading}
             )
             found = pair_efficiency(scene.model_copy(update={"hydrodynamics": hydrodynamics}))
             cells += [f"{found.efficiency:.5f} +- {found.error:.5f}", f"{found.efficiency / law:.3f}"]

@@ -99,8 +99,19 @@ def aggregate_of(scene: Scene, option: str, given: str) -> Aggregate:
         if not 1 <= int(given) <= 1000:
             raise UserError(f"{option} {given}: expected 1 to 1000 primaries")
         scene.require_one_radius(f"for {option} {given} of several, give a file with rows x y z radius")
-        jkr = scene.effects.jkr
-        spacing = 2.0 * radius * (1.0 + (0.5 * jkr.kernel(scene).equilibrium_gap if jkr is not None else 0.0))
+        jkr = scene.effects.get("jkr")
+        spacing = (
+            2.0
+            * radius
+            * (
+                1.0
+                + (
+                    0.5 * jkr.kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
+                    if jkr is not None
+                    else 0.0
+                )
+            )
+        )
         return Aggregate.from_positions(scene, np.arange(int(given))[:, None] * [[0.0, 0.0, spacing]])
     try:
         rows = np.loadtxt(Path(given), ndmin=2)
@@ -152,8 +163,8 @@ def _time(seconds: float, rate: float) -> str:
 
 
 def _tension(scene: Scene, tension: float) -> str:
-    jkr = scene.effects.jkr
+    jkr = scene.effects.get("jkr")
     if tension <= 0.0 or jkr is None:
         return "none" if tension <= 0.0 else f"{tension:.3g} N"
-    pull_off = jkr.kernel(scene).pull_off_force * scene.reduced.force
+    pull_off = jkr.kernel(scene.reduced, scene.suspension, scene.effects).pull_off_force * scene.reduced.force
     return f"{tension:.3g} N ({tension / pull_off:.2f} of pull-off)"

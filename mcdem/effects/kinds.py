@@ -116,6 +116,7 @@ class Resistance:
 
 Effect = PairForce | ContactLaw | Resistance
 
+
 def refuse_contact(name: str, effects: Companions) -> None:
     """Refuse, for the short-range repulsion `name`, a contact law beside it."""
     if effects.contact is not None:
@@ -127,7 +128,9 @@ def refuse_contact(name: str, effects: Companions) -> None:
 def require_contact(name: str, effects: Companions) -> None:
     """Refuse, for the resistance `name`, a scene whose spheres make no contacts."""
     if effects.contact is None:
-        raise ValueError(f"{name} is a resistance of contacts: add a contact law, {' or '.join(effects.contact_laws)}")
+        raise ValueError(
+            f"{name} is a resistance of contacts: add a contact law, {' or '.join(effects.contact_laws)}"
+        )
 
 
 class Turned(NamedTuple):

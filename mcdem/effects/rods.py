@@ -75,7 +75,13 @@ def limits(radius, p, out):
 @njit(cache=True)
 def resist(turned, p, response):
     """Add the loads and the stiffness of both rods; returns ROLLS if one of them slips, else STUCK."""
-    carried, q, normal, distance, radius = turned.carried, turned.q, turned.normal, turned.distance, turned.radius
+    carried, q, normal, distance, radius = (
+        turned.carried,
+        turned.q,
+        turned.normal,
+        turned.distance,
+        turned.radius,
+    )
     spring, loads, tangent = response
     along = np.empty(3)
     code = STUCK

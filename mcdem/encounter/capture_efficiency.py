@@ -136,7 +136,7 @@ def van_de_ven_mason(scene: Scene, factor: float = 0.95) -> float:
 
 def attraction_number(scene: Scene) -> float:
     """C_A = A_H/(36 pi mu g a^3), van der Waals attraction over the pull of the flow; 0 without attraction."""
-    van_der_waals = scene.effects.van_der_waals
+    van_der_waals = scene.effects.get("van_der_waals")
     if van_der_waals is None:
         return 0.0
     return van_der_waals.hamaker_constant / (
@@ -251,11 +251,7 @@ def ray_at(angle: float) -> Line:
 
 def _half_step(scene: Scene) -> Scene:
     numerics = scene.numerics
-    if numerics.scheme == "paper":
-        finer = {"paper_base_step": 0.5 * numerics.paper_base_step}
-    else:
-        finer = {"max_step": 0.5 * numerics.max_step}
-    return scene.model_copy(update={"numerics": numerics.model_copy(update=finer)})
+    return scene.model_copy(update={"numerics": numerics.with_step(0.5 * numerics.step)})
 
 
 def fejer(rays: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

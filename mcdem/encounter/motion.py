@@ -178,9 +178,7 @@ def follow(part: Motion, members: NDArray[np.intp], course: Course, posture: Pos
     quiet_time = shortcuts.quiet_time if shortcuts.rigid_rotation or shortcuts.inert else math.inf
     while True:
         recording.keep(course.frames, part, members, course.physics, course.now)
-        bounds = Bounds(
-            shortcuts.separation, quiet_time, course.next_frame, course.end, course.most_steps
-        )
+        bounds = Bounds(shortcuts.separation, quiet_time, course.next_frame, course.end, course.most_steps)
         group = Group(part, history, gaps, work)
         code = follow_steps(group, course.flow, course.physics, course.options, log, watch, bounds)
         if code == PAUSED:

@@ -140,7 +140,9 @@ def shortcuts_of(scene: Scene) -> Shortcuts:
     numerics = scene.numerics
     taken = SCHEMES[numerics.scheme].shortcuts
     return Shortcuts(
-        far_approach=numerics.far_approach if taken and LEVELS[scene.hydrodynamics.level].stresslet_couplings else 0.0,
+        far_approach=numerics.far_approach
+        if taken and LEVELS[scene.hydrodynamics.level].stresslet_couplings
+        else 0.0,
         sure_miss=numerics.sure_miss if taken else 0.0,
         separation=numerics.separation if taken else 0.0,
         rigid_rotation=taken and numerics.rigid_rotation,
@@ -172,7 +174,9 @@ def start_of(
         approach = abs(z0) / abs(y0) if y0 != 0.0 else math.inf
     else:
         entry = linear_flows.entry_of(scene.flow, reach, offset)
-        start, approach = linear_flows.upstream(linear_flows.gradient(scene.flow), entry, numerics.start_distance * reach)
+        start, approach = linear_flows.upstream(
+            linear_flows.gradient(scene.flow), entry, numerics.start_distance * reach
+        )
     longest = numerics.longest_approach
     return start, min(approach, longest) + 4.0 * math.pi * numerics.rotations, approach > longest
 
@@ -206,7 +210,9 @@ def simulate_encounter(
     radii, units = radii_of_pair(scene, pair), scene.reduced
     reach = sum(a.outer_radius(scene.suspension.radius) for a in pair)
     x0, y0 = (
-        linear_flows.draw_offset(scene.flow, reach, rng) if offset is None else (float(offset[0]), float(offset[1]))
+        linear_flows.draw_offset(scene.flow, reach, rng)
+        if offset is None
+        else (float(offset[0]), float(offset[1]))
     )
     if not (math.isfinite(x0) and math.isfinite(y0)):
         raise UserError(f"offset: ({x0}, {y0}) m, expected two finite lengths in metres")

@@ -65,13 +65,15 @@ class Trajectory:
         cls, scene: Scene, recorder: Recorder, result: EncounterResult | None = None, **origin: str
     ) -> Self:
         """The course that `simulate_encounter(..., record=recorder)` kept."""
-        jkr = scene.effects.jkr
+        jkr = scene.effects.get("jkr")
         if result is not None:
             origin = {"outcome": result.outcome, **origin}
         return cls(
             scene.suspension.radius,
             scene.flow.shear_rate,
-            jkr.kernel(scene).pull_off_force * scene.reduced.force if jkr is not None else np.nan,
+            jkr.kernel(scene.reduced, scene.suspension, scene.effects).pull_off_force * scene.reduced.force
+            if jkr is not None
+            else np.nan,
             recorder.time,
             recorder.positions,
             recorder.tension,

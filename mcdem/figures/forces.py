@@ -17,10 +17,14 @@ NANOMETRE = 1e-9
 def pair_force(scene: Scene) -> Figure | None:
     """Fig. 5, from the scene's own kernels; None where a scene lacks one of the two forces."""
     effects = scene.effects
-    if effects.van_der_waals is None or effects.jkr is None:
+    if effects.get("van_der_waals") is None or effects.get("jkr") is None:
         return None
-    units, vdw, jkr = scene.reduced, effects.van_der_waals.kernel(scene), effects.jkr.kernel(scene)
-    approach = effects.van_der_waals.minimum_approach
+    units, vdw, jkr = (
+        scene.reduced,
+        effects.get("van_der_waals").kernel(scene.reduced, scene.suspension, scene.effects),
+        effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects),
+    )
+    approach = effects.get("van_der_waals").minimum_approach
     apart = np.linspace(0.0, 30 * approach, 400)
     attached = np.linspace(2.2 * jkr.equilibrium_gap, jkr.pull_off_gap, 400) * units.length
     free = np.array([non_contact_force(h / units.length, 1.0, vdw, None, None)[0] for h in apart])

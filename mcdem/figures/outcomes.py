@@ -46,7 +46,7 @@ def _gathered(runs: Sequence[Run]) -> xr.Dataset:
 
 def pull_off_force(run: Run) -> float | None:
     """Pull-off force of a contact [N]; None in a scene without contacts."""
-    jkr = run.scene.effects.jkr
+    jkr = run.scene.effects.get("jkr")
     return jkr.kernel(run.scene).pull_off_force * run.scene.reduced.force if jkr is not None else None
 
 

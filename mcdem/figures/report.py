@@ -48,7 +48,7 @@ def parameters(run: Run) -> list[tuple[str, str, str, str]]:
 def dimensionless_groups(run: Run) -> list[tuple[str, str, float]]:
     """(symbol, meaning, value) of what governs the run."""
     scene, a = run.scene, run.radius
-    stress, vdw = scene.flow.shear_stress, scene.effects.van_der_waals
+    stress, vdw = scene.flow.shear_stress, scene.effects.get("van_der_waals")
     groups = [
         ("φ", "volume fraction of the primaries", scene.suspension.volume_fraction),
         (
@@ -64,7 +64,7 @@ def dimensionless_groups(run: Run) -> list[tuple[str, str, float]]:
         groups.append(
             ("6πμγ̇a²/F_adh", "viscous force against pull-off force", scene.reduced.force / adhesion)
         )
-        jkr = scene.effects.jkr.kernel(scene)  # type: ignore[union-attr]
+        jkr = scene.effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects)  # type: ignore[union-attr]
         groups.append(("h_eq/a", "gap of a free contact", jkr.equilibrium_gap))
     if vdw is not None:
         attraction = vdw.hamaker_constant / (36 * math.pi * stress * a**3)

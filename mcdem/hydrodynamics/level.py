@@ -151,7 +151,9 @@ def _stresslets(level, work, radii, rates, strain_five, out):
 @overload(_stresslets)
 def _(level, work, radii, rates, strain_five, out):
     own = level_of(level).stresslets
-    return lambda level, work, radii, rates, strain_five, out: own(level, work, radii, rates, strain_five, out)
+    return lambda level, work, radii, rates, strain_five, out: own(
+        level, work, radii, rates, strain_five, out
+    )
 
 
 @njit(cache=True)

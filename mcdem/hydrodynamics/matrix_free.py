@@ -210,9 +210,7 @@ class TwoBody:
         """R rates, of all pairs."""
         load = self.near @ rates
         if self.level.lubrication is not None and rates.any():
-            distant_load(
-                self.positions, self.radii, rates, RANGE, self.level, load
-            )
+            distant_load(self.positions, self.radii, rates, RANGE, self.level, load)
         return load
 
 

@@ -150,5 +150,13 @@ def advance(group, flow, physics, options, log, end_time):
 
 
 SCHEME = Scheme(
-    Keys, ExplicitEuler, build, scratch, advance, shortcuts=False, torques=False, stretching=False
+    Keys,
+    ExplicitEuler,
+    build,
+    scratch,
+    "base_step",
+    advance,
+    shortcuts=False,
+    torques=False,
+    stretching=False,
 )

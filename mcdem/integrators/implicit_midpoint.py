@@ -312,5 +312,5 @@ def attempt(group, flow, physics, options, log, bodies, step):
 
 
 SCHEME = Scheme(
-    Keys, ImplicitMidpoint, build, scratch, advance, shortcuts=True, torques=True, stretching=True
+    Keys, ImplicitMidpoint, build, scratch, "max_step", advance, shortcuts=True, torques=True, stretching=True
 )

@@ -29,6 +29,7 @@ class Scheme:
     table : its keys, [numerics.NAME] in a scene
     options : NamedTuple of its numbers in reduced units;  build : (table, Scales) -> options
     workspace : (number of primaries, whether contacts resist) -> NamedTuple of work arrays, one of them `labels` (N,)
+    step_key : which of its keys is the time step, to which everything else that limits a step is in proportion
     advance : compiled, (group, flow, physics, options, log, end) takes one accepted step; DONE or an error code
     shortcuts : whether what cannot change the outcome may be skipped (`encounter.motion`); a reference takes none
     torques : whether it follows the torques of contacts;  stretching : whether it follows flows other than simple shear
@@ -38,6 +39,7 @@ class Scheme:
     options: type
     build: Callable[[Any, Scales], Any]
     workspace: Callable[[int, bool], Any]
+    step_key: str
     advance: Callable[..., Any]
     shortcuts: bool
     torques: bool

@@ -85,7 +85,7 @@ def test_every_setting_is_a_valid_scene_and_changes_it():
 
 def test_the_paper_scheme_is_not_priced_against_itself():
     with pytest.raises(UserError, match="scheme"):
-        cost.settings_of(PAPER.with_changes({"numerics.scheme": "paper"}))
+        cost.settings_of(PAPER.with_changes({"numerics.scheme": "explicit_euler"}))
 
 
 def test_the_same_encounters_are_followed_under_every_setting():

@@ -60,7 +60,7 @@ def test_numbers_of_the_papers_contacts():
         -0.43, abs=5e-3
     )
     assert jkr.force(0.0, 1.0, JKR)[0] / JKR.pull_off_force == pytest.approx(-0.889, abs=5e-4)
-    assert PAPER.effects.jkr.tabor_number(A, 0.165 * NM) == pytest.approx(0.985, abs=5e-4)
+    assert PAPER.effects.get("jkr").tabor_number(A, 0.165 * NM) == pytest.approx(0.985, abs=5e-4)
 
 
 def eq13(force_over_adhesion):

@@ -32,8 +32,12 @@ def two_spheres(names, scheme, gap, time):
     """Two primaries at a gap [a] in fluid at rest, each dragged by itself, that are to be followed for a time [1/g]."""
     s = scene(*names).with_changes(
         {"hydrodynamics.level": "free_draining", "numerics.scheme": scheme}
-        | ({"numerics.max_step": time / 200.0} if scheme == "implicit" else {})
-        | ({"numerics.paper_base_step": f"{float(time) / 4000.0 * 1e-4!r} s"} if scheme == "paper" else {})
+        | ({"numerics.implicit.max_step": time / 200.0} if scheme == "implicit" else {})
+        | (
+            {"numerics.explicit_euler.base_step": f"{float(time) / 4000.0 * 1e-4!r} s"}
+            if scheme == "explicit_euler"
+            else {}
+        )
     )
     return Follow(s, np.array([[0.0, 0.0, 0.0], [1.2, 0.0, 1.6]]) * (1.0 + 0.5 * gap), [], still=True)
 

@@ -27,7 +27,7 @@ WITHOUT_SHORTCUTS = {
     "numerics.far_approach": 0.0,
     "numerics.separation": 0.0,
     "numerics.rigid_rotation": False,
-    "numerics.end_inert": False,
+    "numerics.end_stable": False,
 }
 # No attraction to speak of; the laws stay, so that the compiled steps are those of the other tests.
 SMOOTH = PAPER.with_changes(
@@ -49,7 +49,7 @@ def encounter(scene, i=MONOMER, j=MONOMER, offset=(0.0, 1.0), **options):
 
 def settled(shape):
     """An aggregate whose contacts are at their unloaded gap."""
-    gap = PAPER.effects.jkr.kernel(PAPER).equilibrium_gap
+    gap = PAPER.effects.get("jkr").kernel(PAPER.reduced, PAPER.suspension, PAPER.effects).equilibrium_gap
     return mcdem.Aggregate.from_positions(PAPER, shape()[0] * RADIUS * (1.0 + 0.5 * gap))
 
 
@@ -84,7 +84,7 @@ def test_free_pairs_follow_the_trajectories_of_batchelor_and_green(offset):
     nearest = np.linalg.norm(curve, axis=1).min() - 2.0
     errors = []
     for step in (0.1, 0.05, 0.025):
-        scene = SMOOTH.with_changes({"numerics.max_step": step, "numerics.far_approach": 0.0})
+        scene = SMOOTH.with_changes({"numerics.implicit.max_step": step, "numerics.far_approach": 0.0})
         result, path = separation_path(scene, offset)
         assert result.outcome == "missed"
         assert result.smallest_gap / RADIUS == pytest.approx(nearest, rel=0.01)
@@ -97,7 +97,7 @@ def test_free_pairs_follow_the_trajectories_of_batchelor_and_green(offset):
 
 @pytest.mark.parametrize("offset", [(0.0, 1.5), (0.3, 1.2)])
 def test_the_shortcut_of_the_approach_keeps_to_the_trajectory(offset):
-    _, path = separation_path(SMOOTH.with_changes({"numerics.max_step": 0.1}), offset)
+    _, path = separation_path(SMOOTH.with_changes({"numerics.implicit.max_step": 0.1}), offset)
     assert distance_from_curve(path, exact_curve(offset)).max() < 4e-3
 
 
@@ -117,7 +117,7 @@ def test_smooth_spheres_return_to_their_streamlines(offset):
     """Without attraction the passage is symmetric fore and aft; what is lost is the error of the step, third order here."""
     lost = []
     for step in (0.1, 0.05):
-        scene = SMOOTH.with_changes({"numerics.max_step": step, "numerics.far_approach": 0.0})
+        scene = SMOOTH.with_changes({"numerics.implicit.max_step": step, "numerics.far_approach": 0.0})
         record = mcdem.Recorder(interval=0.1)
         encounter(scene, offset=offset, record=record)
         x, y, z = (record.positions[:, 1] - record.positions[:, 0]).T / RADIUS
@@ -129,7 +129,7 @@ def test_smooth_spheres_return_to_their_streamlines(offset):
 
 def test_the_nearest_approach_of_smooth_spheres_tends_to_its_limit():
     """In the shear plane the gap falls to 4.4e-5 a at the edge of the closed orbits, and no further."""
-    scene = SMOOTH.with_changes({"numerics.max_step": 0.025})
+    scene = SMOOTH.with_changes({"numerics.implicit.max_step": 0.025})
     gaps = []
     for y0 in (0.5, 0.2, 0.08, 0.05):
         found = encounter(scene, offset=(0.0, y0)).smallest_gap / RADIUS
@@ -142,7 +142,7 @@ def test_the_nearest_approach_of_smooth_spheres_tends_to_its_limit():
 
 def attraction(gap):
     """Van der Waals force of the paper's Eq. 11, retarded as Schenkel & Kitchener (1960) did, in 6 pi mu a^2 g."""
-    law = PAPER.effects.van_der_waals
+    law = PAPER.effects.get("van_der_waals")
     distance = gap * RADIUS + law.minimum_approach
     p = 2.0 * math.pi * distance / law.london_wavelength
     near = (1.0 + 3.54 * p) / (1.0 + 1.77 * p) ** 2
@@ -154,7 +154,7 @@ def attraction(gap):
 def test_the_critical_offset_is_that_of_exact_trajectories(x0):
     """Without a cut-off nothing is modelled but Eq. 11: a library's integration decides between hit and miss alike."""
     scene = PAPER.with_changes({"hydrodynamics.lubrication_cutoff": 0.0, **WITHOUT_SHORTCUTS})
-    refined = scene.with_changes({"numerics.max_step": 0.025})
+    refined = scene.with_changes({"numerics.implicit.max_step": 0.025})
     offset = mcdem.critical_offset(refined, x0 * RADIUS) / RADIUS
     for factor, caught in ((1.0 - 5e-4, True), (1.0 + 5e-4, False)):
         assert two_spheres.trajectory(x0, factor * offset, leave=6.0, force=attraction).met is caught
@@ -164,7 +164,9 @@ def test_the_critical_offset_is_that_of_exact_trajectories(x0):
 @pytest.mark.parametrize("x0", [0.0, 0.3, 0.6, 0.8])
 def test_the_critical_offset_is_converged_at_the_default_step(x0):
     """0.2 % against an eighth of the step without shortcuts; where the boundary is steep, in its distance from the centre."""
-    fine = PAPER.with_changes({"numerics.max_step": 0.0125, "numerics.rotations": 2, **WITHOUT_SHORTCUTS})
+    fine = PAPER.with_changes(
+        {"numerics.implicit.max_step": 0.0125, "numerics.rotations": 2, **WITHOUT_SHORTCUTS}
+    )
     measured = mcdem.critical_offset(PAPER, x0 * RADIUS) / RADIUS
     # Only the bracket is followed at the fine step: the critical offset lies within it.
     tolerance = 2e-3 * (measured if x0 < 0.7 else (x0**2 + measured**2) / measured)
@@ -189,7 +191,7 @@ def static_tension(scene, gap):
 
 def test_doublet_tension_converges_to_statics():
     """A doublet turns through the extension axis; far from anything its contact bears what statics asks for."""
-    kernel = PAPER.effects.jkr.kernel(PAPER)
+    kernel = PAPER.effects.get("jkr").kernel(PAPER.reduced, PAPER.suspension, PAPER.effects)
     gap = kernel.equilibrium_gap
     for _ in range(5):  # the gap opens by a third under this load
         expected = static_tension(PAPER, gap)
@@ -199,7 +201,9 @@ def test_doublet_tension_converges_to_statics():
     doublet = mcdem.Aggregate.from_positions(PAPER, np.array([[0, 0, -rest], [0, 0, rest]]) * RADIUS)
     errors = []
     for step in (0.1, 0.05, 0.025):
-        scene = PAPER.with_changes({"numerics.max_step": step, "numerics.rotations": 1, **WITHOUT_SHORTCUTS})
+        scene = PAPER.with_changes(
+            {"numerics.implicit.max_step": step, "numerics.rotations": 1, **WITHOUT_SHORTCUTS}
+        )
         result = encounter(scene, doublet, MONOMER, (60.0, 20.0), orient=False)
         assert result.outcome == "missed"
         errors.append(abs(result.largest_tension / UNITS.force / expected - 1.0))
@@ -211,7 +215,7 @@ def test_doublet_tension_converges_to_statics():
 def test_the_cutoff_lowers_the_tension_in_a_doublet():
     """Touching spheres of the exact theory bear 6.12 pi mu a^2 g (Nir & Acrivos 1973); the frozen matrix 12 % less."""
     assert 6.0 * static_tension(PAPER, 0.0) == pytest.approx(0.88 * 6.12, rel=0.01)
-    by_gap = PAPER.with_changes({"hydrodynamics.cutoff_reading": "gap"})
+    by_gap = PAPER.with_changes({"hydrodynamics.cutoff_convention": "gap"})
     assert 6.0 * static_tension(by_gap, 0.0) == pytest.approx(6.12, rel=0.005)
 
 
@@ -258,7 +262,10 @@ def test_primaries_are_conserved_with_their_identities():
         for product in result.products:
             assert np.abs(product.positions.mean(axis=0)).max() < 1e-12
             gaps = np.linalg.norm(product.positions[:, None] - product.positions[None], axis=2) - 2 * RADIUS
-            reach = PAPER.effects.jkr.kernel(PAPER).pull_off_gap * RADIUS
+            reach = (
+                PAPER.effects.get("jkr").kernel(PAPER.reduced, PAPER.suspension, PAPER.effects).pull_off_gap
+                * RADIUS
+            )
             i_, j_ = product.bonds.T
             assert (gaps[i_, j_] <= reach * (1 + 1e-9)).all()
             np.fill_diagonal(gaps, np.inf)
@@ -394,7 +401,10 @@ def filmed(interval=0.5, **changes):
     scene = PAPER.with_changes({"numerics.rotations": 1, **changes})
     two = settled(tetrahedron), settled(tetrahedron)
     assert encounter(scene, *two, offset=(0.5, 6.5), record=record).outcome == "missed"
-    pull_off = PAPER.effects.jkr.kernel(PAPER).pull_off_force * UNITS.force
+    pull_off = (
+        PAPER.effects.get("jkr").kernel(PAPER.reduced, PAPER.suspension, PAPER.effects).pull_off_force
+        * UNITS.force
+    )
     return record.time * RATE, record.positions / RADIUS, record.tension / pull_off
 
 
@@ -456,7 +466,7 @@ def test_a_sure_miss_can_be_watched():
 
 def test_a_film_shows_the_tensions_of_bodies_that_turn():
     """Of rigid bodies by statics; they are those of the primaries followed one by one, at every moment."""
-    short_steps = {"numerics.max_step": 0.05}  # tensions are those of the step's end
+    short_steps = {"numerics.implicit.max_step": 0.05}  # tensions are those of the step's end
     strain, positions, tension = filmed(**short_steps)
     _, positions_too, followed = filmed(**WITHOUT_SHORTCUTS, **short_steps)
     assert np.array_equal(np.isfinite(tension), np.isfinite(followed))

@@ -33,9 +33,12 @@ def octahedron_centres():
 def test_a_touching_doublet_bears_the_exact_tension():
     """Two touching spheres in shear are torn by 6.12 pi mu g a^2 (Nir & Acrivos 1973); overlap and cut-off change 0.2 %."""
     scene = SCENE.with_changes(
-        {"hydrodynamics.cutoff_reading": "gap", "hydrodynamics.lubrication_cutoff": 1e-4}
+        {"hydrodynamics.cutoff_convention": "gap", "hydrodynamics.lubrication_cutoff": 1e-4}
     )
-    strength = scene.effects.jkr.kernel(scene).pull_off_force * scene.reduced.force
+    strength = (
+        scene.effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects).pull_off_force
+        * scene.reduced.force
+    )
     exact = 6.12 * math.pi * A**2 * scene.flow.shear_stress / strength
     np.testing.assert_allclose(worst_loads(scene, [doublet(scene)])[0], exact, rtol=3e-3)
 

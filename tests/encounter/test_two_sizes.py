@@ -216,7 +216,9 @@ def test_an_aggregate_is_about_its_centre_of_mass_and_reaches_to_its_furthest_su
 
 def test_contacts_are_read_off_gaps_up_to_the_pull_off_of_the_two_radii():
     pull_off = (
-        SCENE.effects.jkr.kernel(SCENE).pull_off_gap * SCENE.suspension.radius * (2.0 / 3.0) ** (1.0 / 3.0)
+        SCENE.effects.get("jkr").kernel(SCENE.reduced, SCENE.suspension, SCENE.effects).pull_off_gap
+        * SCENE.suspension.radius
+        * (2.0 / 3.0) ** (1.0 / 3.0)
     )
     for gap, bonds in ((0.99 * pull_off, 1), (1.01 * pull_off, 0)):
         places = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 750e-9 + gap]])
@@ -253,7 +255,7 @@ def test_a_small_primary_sticks_to_a_large_one_at_the_gap_of_their_reduced_radiu
     (product,) = result.products
     assert product.radii.tolist() == [500e-9, 250e-9]
     assert product.radii**3 @ product.positions == pytest.approx(np.zeros(3), abs=1e-30)
-    reduced, jkr = 2.0 / 3.0, COARSE.effects.jkr
+    reduced, jkr = 2.0 / 3.0, COARSE.effects.get("jkr")
     rest = jkr.kernel(COARSE).equilibrium_gap * reduced ** (1.0 / 3.0) * 500e-9
     gap = np.linalg.norm(product.positions[1] - product.positions[0]) - 750e-9
     loaded = result.largest_tension / jkr.pull_off_force(500e-9 * reduced)

@@ -14,7 +14,7 @@ from mcdem.integrators.time_loop import march, new_watch
 def free_draining(*names, **changes):
     """A scene of these effects without hydrodynamic interactions, small steps."""
     return scene(*names).with_changes(
-        {"hydrodynamics.level": "free_draining", "numerics.max_step": 0.05} | changes
+        {"hydrodynamics.level": "free_draining", "numerics.implicit.max_step": 0.05} | changes
     )
 
 

@@ -123,8 +123,8 @@ def test_shortcuts_keep_the_outcomes_of_a_level(level):
             "numerics.far_approach": 0.0,
             "numerics.separation": 0.0,
             "numerics.rigid_rotation": False,
-            "numerics.end_inert": False,
-            "numerics.far_field_lag": 0.0,
+            "numerics.end_stable": False,
+            "numerics.implicit.far_field_tolerance": 0.0,
         }
     )
     cluster = mcdem.Aggregate.from_positions(scene, tetrahedron()[0] * RADIUS * (1.0 - 1e-4))

@@ -109,7 +109,7 @@ def test_a_turned_observer_sees_the_same_turned(names):
 
 def test_a_welded_doublet_turns_as_its_drag_says():
     """Free draining, in the shear plane: omega (2 (4/3) + r^2/2) = (4/3) + (r^2/2) n_y^2 about the vorticity axis."""
-    s = free_draining("rods", "twisting", **WELDED, **{"numerics.max_step": 0.02})
+    s = free_draining("rods", "twisting", **WELDED, **{"numerics.implicit.max_step": 0.02})
     angle = 0.3
     positions, bonds = chain(s, [(0.0, np.sin(angle), np.cos(angle))])
     f = Follow(s, positions, bonds)
@@ -181,7 +181,9 @@ def test_implicit_steps_agree_with_a_twin_that_keeps_rods_as_vectors(shape):
     positions, bonds = chain(s, shape)
     expected = twin(s, positions, bonds, 1.5)
     found = [
-        Follow(s.with_changes({"numerics.max_step": step}), positions, bonds, without_twist=True).until(1.5)
+        Follow(
+            s.with_changes({"numerics.implicit.max_step": step}), positions, bonds, without_twist=True
+        ).until(1.5)
         for step in (0.04, 0.01)
     ]
     free = Follow(free_draining("jkr"), positions, bonds).until(1.5)
@@ -274,7 +276,11 @@ def test_statics_agree_with_the_springs_that_steps_lead_to(level):
     """Springs of a stiff chain followed in shear, against what statics says of its present orientation."""
     s = scene("rods", "twisting").with_changes(
         WELDED
-        | {"hydrodynamics.level": level, "numerics.max_step": 0.01, "effects.rods.stiffness": "500 N/m"}
+        | {
+            "hydrodynamics.level": level,
+            "numerics.implicit.max_step": 0.01,
+            "effects.rods.stiffness": "500 N/m",
+        }
     )
     f, _ = analysed_chain(s, BENT[:2])
     f.until(0.5)
@@ -334,5 +340,5 @@ def test_a_run_keeps_histories_and_goes_on_from_them(tmp_path):
 
 
 def test_the_explicit_scheme_refuses_resistances():
-    with pytest.raises(SceneError, match=r'numerics.scheme = "paper" follows no torques'):
-        scene("rods").with_changes({"numerics.scheme": "paper"})
+    with pytest.raises(SceneError, match=r'numerics.scheme = "explicit_euler" follows no torques'):
+        scene("rods").with_changes({"numerics.scheme": "explicit_euler"})

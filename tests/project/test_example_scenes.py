@@ -38,7 +38,9 @@ def test_the_double_layer_keeps_pairs_apart_that_attract_each_other_without_it(t
 
 def pull_of_an_aligned_doublet(scene):
     """Tension [N] in two primaries along z, at rest in the flow of the scene: contact force that stops their moving apart."""
-    separation = 2.0 + scene.effects.jkr.kernel(scene).equilibrium_gap
+    separation = (
+        2.0 + scene.effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
+    )
     places = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, separation * scene.suspension.radius]])
 
     def parting(pull):
@@ -55,7 +57,7 @@ def test_uniaxial_extension_differs_from_the_paper_in_its_flow_alone_and_runs(tm
         mcdem.load_scene(SCENES / f"{name}.toml") for name in ("uniaxial-extension", "paper-1000Pa")
     )
     assert scene == paper.with_changes({"flow.kind": "uniaxial_extension", "flow.shear_rate": "5e3 1/s"})
-    whole = scene.with_changes({"numerics.end_inert": False})
+    whole = scene.with_changes({"numerics.end_stable": False})
     result = mcdem.simulate_encounter(whole, MONOMER, MONOMER, offset=(0.0, 0.1 * scene.suspension.radius))
     assert result.outcome == "aggregation"
     axis = result.products[0].positions[1] - result.products[0].positions[0]
@@ -73,7 +75,9 @@ def test_contacts_that_bear_moments_keep_a_bent_chain_bent(tmp_path):
     scene, paper = (mcdem.load_scene(SCENES / f"{name}-1000Pa.toml") for name in ("moments", "paper"))
     bonds = {"effects.rods.stiffness": "5 N/m", "effects.rods.largest_displacement": "2 nm"}
     assert scene == paper.with_changes(bonds)
-    rest = 2.0 + scene.effects.jkr.kernel(scene).equilibrium_gap
+    rest = (
+        2.0 + scene.effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
+    )
     zigzag = np.cumsum([[0.0, 0.0, 0.0], *[[0.0, (k % 2) * 1.0, 1.0 - k % 2] for k in range(4)]], axis=0)
     zigzag *= rest * scene.suspension.radius
     far = (1.9 * scene.suspension.radius, 7.0 * scene.suspension.radius)

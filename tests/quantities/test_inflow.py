@@ -201,7 +201,7 @@ def test_where_nothing_flows_in_is_refused():
     [
         ({"flow.kind": "planar"}, "needs alpha"),
         ({"flow.alpha": 0.5}, "has no alpha"),
-        ({"flow.kind": "planar_extension", "numerics.scheme": "paper"}, "is one for simple shear"),
+        ({"flow.kind": "planar_extension", "numerics.scheme": "explicit_euler"}, "is one for simple shear"),
         ({"flow.kind": "planar_extension", "numerics.separation": 0.0}, "recede exponentially"),
         ({"flow.kind": "elongation"}, "uniaxial_extension"),
         ({"flow.kind": "linear"}, 'kind = "linear" and gradient go together'),
@@ -229,13 +229,13 @@ def test_eta_11_is_refused_outside_shear():
 
 FREE = {"hydrodynamics.level": "free_draining", "numerics.rotations": 1}
 # A doublet that bears its worst orientation is otherwise not followed until it is there.
-TO_THE_END = {"numerics.end_inert": False}
+TO_THE_END = {"numerics.end_stable": False}
 
 
 @pytest.mark.parametrize("kind", [k for k in KINDS if k != "simple_shear"])
 def test_primaries_of_free_draining_meet_where_their_streamline_enters(kind):
     """At the strain of the streamline, whatever the flow: second order steps of at most 0.05."""
-    s = in_flow(kind, **FREE, **{"numerics.max_step": 0.05})
+    s = in_flow(kind, **FREE, **{"numerics.implicit.max_step": 0.05})
     rng, G = np.random.default_rng(4), gradient(s.flow)
     for _ in range(3):
         offset = draw_offset(s.flow, 2.0, rng)

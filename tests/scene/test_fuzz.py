@@ -28,7 +28,7 @@ trials = st.builds(
     Trial,
     **{name: logarithmic(*ends) for name, ends in RANGES.items() if name != "cutoff"},
     cutoff=st.one_of(st.just(0.0), logarithmic(*RANGES["cutoff"])),
-    cutoff_reading=st.sampled_from(["matrix", "gap"]),
+    cutoff_convention=st.sampled_from(["matrix", "gap"]),
     scheme=st.just("implicit"),
     first=bodies,
     second=bodies,

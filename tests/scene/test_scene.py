@@ -44,11 +44,11 @@ def test_scenes_are_the_papers(stress, viscosity):
     assert (scene.suspension.radius, scene.suspension.volume_fraction) == (5e-7, 1e-4)
     assert (scene.flow.shear_rate, scene.flow.viscosity) == (1e4, viscosity)
     assert scene.flow.shear_stress == pytest.approx(stress, rel=1e-15)
-    van_der_waals, jkr = scene.effects.van_der_waals, scene.effects.jkr
+    van_der_waals, jkr = scene.effects.get("van_der_waals"), scene.effects.get("jkr")
     assert (van_der_waals.hamaker_constant, van_der_waals.minimum_approach) == (9.7e-21, 1.65e-10)
     assert (jkr.surface_energy, jkr.elastic_modulus, jkr.poisson_ratio) == (4.7e-3, 3.4e9, 0.5)
     assert scene.hydrodynamics.lubrication_cutoff == 5e-3
-    assert (scene.numerics.rotations, scene.numerics.paper_base_step) == (8, 1e-6)
+    assert (scene.numerics.rotations, scene.numerics.explicit_euler.base_step) == (8, 1e-6)
     assert scene.population.initial * scene.population.doubling_below == 150
 
 
@@ -117,8 +117,8 @@ def test_a_level_without_lubrication_takes_none_of_its_keys(level):
     ):
         paper.with_changes({"hydrodynamics.level": level})
     bare = {"hydrodynamics.level": level, "hydrodynamics.lubrication_cutoff": None}
-    with pytest.raises(SceneError, match="cutoff_reading would do nothing"):
-        paper.with_changes(bare | {"hydrodynamics.cutoff_reading": "gap"})
+    with pytest.raises(SceneError, match="cutoff_convention would do nothing"):
+        paper.with_changes(bare | {"hydrodynamics.cutoff_convention": "gap"})
     scene = paper.with_changes(bare)
     assert Scene.from_text(scene.model_copy(update={"run": scene.run}).text) == scene
 
@@ -168,11 +168,16 @@ def test_a_new_stress_replaces_the_viscosity():
 
 def test_changes_add_and_remove_keys_and_tables():
     scene = mcdem.load_scene(PAPER)
-    without = scene.with_changes({"effects.jkr": None, "numerics.max_step": 0.05, "run.events": 7})
-    assert (without.effects.jkr, without.numerics.max_step, without.run.events) == (None, 0.05, 7)
+    without = scene.with_changes({"effects.jkr": None, "numerics.implicit.max_step": 0.05, "run.events": 7})
+    assert (without.effects.get("jkr"), without.numerics.implicit.max_step, without.run.events) == (
+        None,
+        0.05,
+        7,
+    )
     table = tomllib.loads(TEXT)["effects"]["jkr"]
     assert (
-        without.with_changes({"effects.jkr": table, "numerics.max_step": None, "run.events": None}) == scene
+        without.with_changes({"effects.jkr": table, "numerics.implicit.max_step": None, "run.events": None})
+        == scene
     )
 
 
@@ -185,7 +190,7 @@ def test_changes_add_and_remove_keys_and_tables():
             '[flow] shear_stress = 750.0 has no unit; expected a positive stress, such as "750 Pa"',
         ),
         ({"flow.shear_rate.x": 1}, '"shear_rate" is a key, not a table'),
-        ({"numerics.max_step": -1.0}, "[numerics] max_step = -1.0 is not positive"),
+        ({"numerics.implicit.max_step": -1.0}, "[numerics] max_step = -1.0 is not positive"),
     ],
 )
 def test_changes_pass_the_same_checks(changes, words):

@@ -66,7 +66,7 @@ def measure(context: Context):
         }
         row["curve"] = curve[::40]
         for step in STEPS:
-            separation, gap = path(smooth(**{"numerics.max_step": step}), offset)
+            separation, gap = path(smooth(**{"numerics.implicit.max_step": step}), offset)
             x, y, z = separation.T
             passed = separation[z < 9.0]
             row["errors"].append(distance_from_curve(passed, curve).max())
@@ -79,7 +79,7 @@ def measure(context: Context):
         rows.append(row)
     nearest = []
     for y0 in (0.2, 0.05) if context.quick else (0.5, 0.2, 0.1, 0.08, 0.05):
-        nearest.append([y0, path(smooth(**{"numerics.max_step": 0.025}), (0.0, y0), 10.0)[1]])
+        nearest.append([y0, path(smooth(**{"numerics.implicit.max_step": 0.025}), (0.0, y0), 10.0)[1]])
     orbit = two_spheres.trajectory(*ORBIT[:2], z0=ORBIT[2], duration=60.0)
     distance = np.linalg.norm(orbit.sol(np.linspace(0.0, 60.0, 6000)), axis=0)
     closed = smooth(
@@ -87,7 +87,7 @@ def measure(context: Context):
             "numerics.start_distance": -ORBIT[2] / 2.0,
             "numerics.longest_approach": 60.0,
             "numerics.rotations": 0,
-            "numerics.max_step": 0.025,
+            "numerics.implicit.max_step": 0.025,
         }
     )
     way, gap = path(closed, ORBIT[:2], 0.05)

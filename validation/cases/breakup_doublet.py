@@ -24,8 +24,8 @@ def scene(cutoff: float, reading: str, stress: float = STATIC_STRESS):
         {
             "flow.shear_stress": f"{stress} Pa",
             "hydrodynamics.lubrication_cutoff": cutoff,
-            "hydrodynamics.cutoff_reading": reading,
-            "numerics.max_step": 0.05,
+            "hydrodynamics.cutoff_convention": reading,
+            "numerics.implicit.max_step": 0.05,
         }
     )
 
@@ -34,7 +34,7 @@ def doublet(scene, angle: float):
     """Two primaries at rest in contact, in the plane of shear at `angle` from the flow."""
     import mcdem
 
-    gap = scene.effects.jkr.kernel(scene).equilibrium_gap
+    gap = scene.effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
     half = (1.0 + 0.5 * gap) * scene.suspension.radius * np.array([0.0, math.sin(angle), math.cos(angle)])
     return mcdem.Aggregate(np.array([-half, half]), np.array([[0, 1]], np.int32))
 
@@ -60,7 +60,7 @@ def measure(context: Context, part):
 
     cutoff, reading = part
     still = scene(cutoff, reading)
-    jkr = still.effects.jkr.kernel(still)
+    jkr = still.effects.get("jkr").kernel(still.reduced, still.suspension, still.effects)
     adhesion = jkr.pull_off_force * still.reduced.force
     limit = adhesion / (math.pi * still.suspension.radius**2)
     found = {"cutoff": cutoff, "reading": reading, "limit": limit}

@@ -33,7 +33,7 @@ def scene(stress: float, modulus: float = MODULUS):
         {
             "flow.shear_stress": f"{stress} Pa",
             "effects.jkr.elastic_modulus": f"{modulus} GPa",
-            "numerics.max_step": 0.05,
+            "numerics.implicit.max_step": 0.05,
         }
     )
 
@@ -66,7 +66,10 @@ def measure(context: Context, part):
         return bond_tensions(positions, bonds, Held(at, positions / at.suspension.radius).forces())
 
     start = scene(500.0, modulus)
-    adhesion = start.effects.jkr.kernel(start).pull_off_force * start.reduced.force
+    adhesion = (
+        start.effects.get("jkr").kernel(start.reduced, start.suspension, start.effects).pull_off_force
+        * start.reduced.force
+    )
     first = statics(start, cluster(start).positions, cluster(start).bonds).max()
     calm = scene(500.0 * 0.5 * LOW_LOAD * adhesion / first, modulus)
     aggregate, record = cluster(calm), Recorder(interval=SAMPLE)

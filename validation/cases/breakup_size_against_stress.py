@@ -29,7 +29,10 @@ def scene(stress: float):
 
 
 def adhesion(scene) -> float:
-    return scene.effects.jkr.kernel(scene).pull_off_force * scene.reduced.force
+    return (
+        scene.effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects).pull_off_force
+        * scene.reduced.force
+    )
 
 
 def parts(context: Context):

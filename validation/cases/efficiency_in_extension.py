@@ -26,7 +26,7 @@ def scene(attraction: float, cutoff: float):
     given = mcdem.load_scene("scenes/uniaxial-extension.toml").with_changes(
         {"hydrodynamics.lubrication_cutoff": cutoff, "numerics.rotations": 1}
     )
-    law, a = given.effects.van_der_waals, given.suspension.radius
+    law, a = given.effects.get("van_der_waals"), given.suspension.radius
     rate = law.hamaker_constant / (36.0 * math.pi * given.flow.viscosity * a**3 * attraction)
     return given.with_changes({"flow.shear_rate": f"{rate} 1/s"})
 
@@ -42,7 +42,7 @@ def measure(context: Context, attraction: float):
     full, paper = (scene(attraction, cutoff) for cutoff in (0.0, PAPER))
     plain = {"far_approach": 0.0, "rigid_rotation": False, "end_inert": False}
     fine = full.with_changes(
-        {f"numerics.{key}": value for key, value in plain.items()} | {"numerics.max_step": 0.025}
+        {f"numerics.{key}": value for key, value in plain.items()} | {"numerics.implicit.max_step": 0.025}
     )
     start = 2.0 * full.numerics.start_distance
     return {

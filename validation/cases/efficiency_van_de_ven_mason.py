@@ -27,7 +27,7 @@ def scene(attraction: float, cutoff: float):
     )
     factor = attraction / attraction_number(paper)
     if attraction < 5e-7:
-        constant = paper.effects.van_der_waals.hamaker_constant * factor
+        constant = paper.effects.get("van_der_waals").hamaker_constant * factor
         return paper.with_changes({"effects.van_der_waals.hamaker_constant": f"{constant} J"})
     return paper.with_changes({"flow.shear_rate": f"{paper.flow.shear_rate / factor} 1/s"})
 
@@ -60,7 +60,7 @@ def critical_offset():
     )
     shortcuts = {"far_approach": 0.0, "separation": 0.0, "rigid_rotation": False, "end_inert": False}
     refined = full.with_changes(
-        {f"numerics.{key}": value for key, value in shortcuts.items()} | {"numerics.max_step": 0.025}
+        {f"numerics.{key}": value for key, value in shortcuts.items()} | {"numerics.implicit.max_step": 0.025}
     )
     offsets = [mcdem.critical_offset(scene, 0.0) / full.suspension.radius for scene in (refined, full)]
     offset = offsets[0]

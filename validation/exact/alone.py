@@ -51,7 +51,11 @@ def sheared(
         "numerics.far_approach": 0.0,
     }
     if not shortcuts:
-        changes |= {"numerics.rigid_rotation": False, "numerics.end_inert": False, "numerics.separation": 0.0}
+        changes |= {
+            "numerics.rigid_rotation": False,
+            "numerics.end_stable": False,
+            "numerics.separation": 0.0,
+        }
     return mcdem.simulate_encounter(
         scene.with_changes(changes),
         aggregate,

@@ -91,7 +91,7 @@ def trajectory(x0, y0, z0=-10.0, leave=10.0, duration=400.0, force=lambda gap: 0
 
 def van_der_waals(scene):
     """gap [a] -> force [6 pi mu a^2 g] of the paper's Eq. 11, retarded as Schenkel & Kitchener (1960) did; written from them."""
-    law, units = scene.effects.van_der_waals, scene.reduced
+    law, units = scene.effects.get("van_der_waals"), scene.reduced
 
     def force(gap):
         distance = gap * units.length + law.minimum_approach

@@ -108,7 +108,7 @@ class Encounter:
             course = Course(self, scheme)
             suffix = "" if scheme == "implicit" else f" ({scheme})"
             for name, course_law in laws.OF_COURSES.items():
-                if name in laws.OF_REGULAR_MOTION and (self.chaotic or scheme == "paper"):
+                if name in laws.OF_REGULAR_MOTION and (self.chaotic or scheme == "explicit_euler"):
                     continue  # trajectories say nothing there, or the law is of the other scheme's step
                 margin, words = course_law(course)
                 full_name = name + suffix
@@ -164,8 +164,8 @@ class Course:
         """The same by shorter steps, with the far field renewed as much sooner."""
         numerics = self.scene.numerics
         tighter = {
-            "numerics.max_step": factor * numerics.max_step,
-            "numerics.far_field_lag": factor * numerics.far_field_lag,
+            "numerics.implicit.max_step": factor * numerics.implicit.max_step,
+            "numerics.implicit.far_field_tolerance": factor * numerics.implicit.far_field_tolerance,
         }
         return watch(self.scene.with_changes(tighter), self.start, self.case.strain)
 
@@ -238,9 +238,9 @@ class Ensemble:
 
     def judge(self) -> Iterator[Finding]:
         scene = load_scene(PAPER).with_changes(self.changes)
-        step = scene.numerics.max_step
+        step = scene.numerics.implicit.max_step
         pair = [
-            self.results(scene.with_changes({"numerics.max_step": factor * step}))
+            self.results(scene.with_changes({"numerics.implicit.max_step": factor * step}))
             for factor in (1.0, self.finer)
         ]
         steps = sum(result.steps for results in pair for result in results)

@@ -93,7 +93,7 @@ MATERIAL: list[Case] = [
     *ranged("shear rate", "flow.shear_rate", ("1e6 1/s",), chaotic=True),
     *ranged("delta", "hydrodynamics.lubrication_cutoff", (0.0, 1e-5, 1e-4, 1e-3, 0.1)),
     Encounter("delta = 1e-05, shifted", "reads the cut-off as that of the gap", *TETRAHEDRON, changes={
-              "hydrodynamics.lubrication_cutoff": 1e-5, "hydrodynamics.cutoff_reading": "gap"}),
+              "hydrodynamics.lubrication_cutoff": 1e-5, "hydrodynamics.cutoff_convention": "gap"}),
     Encounter("stiff and strongly attracted", "E = 1 TPa and A_H = 1e-18 J at once", *TETRAHEDRON, changes={
               "effects.jkr.elastic_modulus": "1 TPa", "effects.van_der_waals.hamaker_constant": "1e-18 J"}),
     Encounter("the paper's scheme, E = 10 MPa", "explicit steps where contacts are soft", *MOTES, offset=(0.0, 0.25),

@@ -318,8 +318,8 @@ def distance(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
 
 def pull_off_gap(scene: Scene) -> float:
     """Gap [a] beyond which a contact is lost."""
-    jkr = scene.effects.jkr
-    return jkr.kernel(scene).pull_off_gap if jkr is not None else 0.0
+    jkr = scene.effects.get("jkr")
+    return jkr.kernel(scene.reduced, scene.suspension, scene.effects).pull_off_gap if jkr is not None else 0.0
 
 
 def resistance(scene: Scene, positions: NDArray[np.float64]) -> NDArray[np.float64]:

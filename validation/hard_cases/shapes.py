@@ -29,7 +29,11 @@ def settled(scene: Scene, centres: ArrayLike, seed: int | None = 0) -> Aggregate
     points = np.asarray(centres, float)
     bonds = sorted(cKDTree(points).query_pairs(2.0 + 1e-6))
     contact = scene.effects.contact
-    gap = contact.kernel(scene).equilibrium_gap if contact is not None else 0.0
+    gap = (
+        contact.kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
+        if contact is not None
+        else 0.0
+    )
     scaled = points * (1.0 + 0.5 * gap) * scene.suspension.radius
     aggregate = Aggregate.from_positions(scene, scaled, np.array(bonds).reshape(-1, 2))
     return aggregate if seed is None else aggregate.turned(np.random.default_rng(seed))
@@ -153,8 +157,10 @@ def at_pull_off(excess: float) -> Shape:
     """A doublet whose contact is stretched to its pull-off gap plus `excess` [a]."""
 
     def make(scene: Scene) -> Aggregate:
-        jkr = scene.effects.jkr
+        jkr = scene.effects.get("jkr")
         assert jkr is not None
-        return doublet(jkr.kernel(scene).pull_off_gap + excess)(scene)
+        return doublet(jkr.kernel(scene.reduced, scene.suspension, scene.effects).pull_off_gap + excess)(
+            scene
+        )
 
     return make
