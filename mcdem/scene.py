@@ -22,6 +22,7 @@ from mcdem.effects import Effects, Resistance
 from mcdem.errors import SceneError
 from mcdem.hydrodynamics import LEVELS
 from mcdem.integrators import SCHEMES
+from mcdem.quantities import renamed_keys
 from mcdem.quantities.linear_flows import Flow
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
@@ -202,6 +203,8 @@ class Scene(Table):
             tables = tomllib.loads(text)
         except tomllib.TOMLDecodeError as problem:
             raise SceneError(f"{source}: not valid TOML: {problem}") from None
+        if old := list(renamed_keys.old_words(tables)):
+            raise SceneError("\n".join(f"{source}: {line}" for line in old))
         try:
             scene = cls.model_validate(tables)
         except ValidationError as problem:
@@ -213,6 +216,11 @@ class Scene(Table):
         except SceneError as problem:  # an effect does not hold for this suspension
             raise SceneError(f"{source}: {problem}") from None
         return scene
+
+    @classmethod
+    def from_dataset(cls, text: str, path: Path | str | None = None) -> Self:
+        """The scene that a dataset holds, which may be one of before, with other names of keys."""
+        return cls.from_text(renamed_keys.renewed(text), path)
 
     def with_changes(self, changes: Mapping[str, Any]) -> Self:
         """The scene with other values at dotted keys: `{"flow.shear_stress": "750 Pa", "effects.jkr": None}`.

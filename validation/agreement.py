@@ -101,7 +101,7 @@ def store(pairs: Sequence[Pair], scene: Scene, run: Path, seed: int) -> xr.Datas
 
 def scene_in(data: xr.Dataset) -> Scene:
     """The scene of a sample."""
-    return Scene.from_text(data.attrs["scene"], Path(data.attrs["scene_name"]))
+    return Scene.from_dataset(data.attrs["scene"], Path(data.attrs["scene_name"]))
 
 
 def pairs(data: xr.Dataset) -> list[Pair]:

@@ -40,7 +40,7 @@ class Run:
             self.events = group.load()
         with xr.open_dataset(self.path, group="snapshots", decode_times=False) as group:
             self._snapshots = group.load()
-        self.scene = Scene.from_text(self.attributes["scene"], self.path)
+        self.scene = Scene.from_dataset(self.attributes["scene"], self.path)
 
     @property
     def radius(self) -> float:

@@ -522,7 +522,7 @@ def _refuse_another_scene(path: Path, text: str, scene: Scene) -> None:
     """Raise `DataFileError` if the dataset's scene differs in anything but when to stop."""
     theirs, ours = (
         s.model_dump() | {"run": s.model_dump()["run"] | {"until": None, "events": None, "seed": None}}
-        for s in (type(scene).from_text(text, path), scene)
+        for s in (type(scene).from_dataset(text, path), scene)
     )
     for table in ours:
         for key in ours[table] if isinstance(ours[table], dict) else ():
