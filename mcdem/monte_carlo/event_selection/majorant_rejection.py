@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numba import njit
 
-from mcdem.monte_carlo.event_selection import Meeting, Meetings, encounter_rate
+from mcdem.monte_carlo.event_selection.contract import Meeting, Meetings, encounter_rate
 from mcdem.monte_carlo.random_streams import stream
 
 if TYPE_CHECKING:
