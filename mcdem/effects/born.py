@@ -11,12 +11,12 @@ attraction for l0 = 0 the force vanishes at h = sigma 30^(-1/6).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from numba import njit
 
 from mcdem.quantities.toml_tables import Table
-from mcdem.quantities.units import PositiveLength
+from mcdem.quantities.units import LENGTH
 
 if TYPE_CHECKING:
     from mcdem.scene import Scene
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 class Born(Table):
     """Born repulsion, with the Hamaker constant of the van der Waals attraction."""
 
-    collision_diameter: PositiveLength
+    collision_diameter: Annotated[float, LENGTH.positive.between("1 pm", "1 um", '"0.5 nm"')]
     """Lennard-Jones diameter sigma of the atoms, about 0.5 nm."""
 
     def kernel(self, scene: Scene) -> BornKernel:

@@ -37,6 +37,7 @@ class DMT(ElasticContact):
     def kernel(self, scene: Scene) -> DMTKernel:
         """The parameters in reduced units, for two primaries of radius a."""
         unit = scene.reduced
+        self.require_small_contact(scene, "dmt")
         pull_off_force = self.pull_off_force(unit.length) / unit.force
         equilibrium_gap = -2.0 * (self.contact_radius(unit.length) / unit.length) ** 2
         return DMTKernel(

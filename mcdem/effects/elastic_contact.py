@@ -6,23 +6,44 @@ J. Colloid Interface Sci. 192, 326.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from pydantic import Field
-
+from mcdem.errors import SceneError
 from mcdem.quantities.toml_tables import Table
-from mcdem.quantities.units import Dimensionless, PositivePressure, PositiveSurfaceEnergy
+from mcdem.quantities.units import DIMENSIONLESS, PRESSURE, SURFACE_ENERGY
+
+if TYPE_CHECKING:
+    from mcdem.scene import Scene
+
+
+LARGEST_CONTACT = 1.0
+"""Contact radius over that of the smallest primaries, beyond which two spheres are no longer two."""
 
 
 class ElasticContact(Table):
     """An adhesive elastic contact of two primaries of one material."""
 
-    surface_energy: PositiveSurfaceEnergy
+    surface_energy: Annotated[float, SURFACE_ENERGY.positive.between("1e-12 J/m^2", "1e3 J/m^2")]
     """Surface energy gamma of the solid against the medium; the work of adhesion is 2 gamma."""
-    elastic_modulus: PositivePressure
+    elastic_modulus: Annotated[float, PRESSURE.positive.between("1 Pa", "1e14 Pa")]
     """Elastic modulus E of the primary particles."""
-    poisson_ratio: Annotated[Dimensionless, Field(gt=-1.0, le=0.5)]
+    poisson_ratio: Annotated[float, DIMENSIONLESS.between("-0.99", "0.5", "0.3")]
     """Poisson ratio nu of the primary particles."""
+
+    def contact_radius(self, radius: float) -> float:
+        """b0 [m], without load, of two spheres of `radius` [m]; each law has its own."""
+        raise NotImplementedError
+
+    def require_small_contact(self, scene: Scene, law: str) -> None:
+        """Refuse a contact that is no small part of its spheres, where the laws of contact end; raises `SceneError`."""
+        smallest = min(scene.suspension.species)
+        ratio = self.contact_radius(smallest) / smallest
+        if ratio > LARGEST_CONTACT:
+            raise SceneError(
+                f"{scene.path or scene.name}: [effects.{law}] surface_energy = {self.surface_energy:g} J/m^2 and elastic_modulus "
+                f"= {self.elastic_modulus:g} Pa make a contact of {ratio:.3g} times the radius of the primaries, expected less "
+                f"than {LARGEST_CONTACT:g}: a smaller surface energy or a larger modulus"
+            )
 
     @property
     def reduced_modulus(self) -> float:

@@ -40,6 +40,7 @@ class JKR(ElasticContact):
     def kernel(self, scene: Scene) -> JKRKernel:
         """The parameters in reduced units, for two primaries of radius a."""
         unit = scene.reduced
+        self.require_small_contact(scene, "jkr")
         return from_scales(
             pull_off_force=self.pull_off_force(unit.length) / unit.force,
             indentation=(self.contact_radius(unit.length) / unit.length) ** 2,

@@ -17,14 +17,14 @@ E I = k_t (2a)^3/2; a twin that keeps the rods as vectors fixed in the spheres.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 from numba import njit
 
 from mcdem.effects.tangential import ROLLS, STUCK, add_stiffness, cut_back, direction
 from mcdem.quantities.toml_tables import Table
-from mcdem.quantities.units import PositiveLength, PositiveStiffness
+from mcdem.quantities.units import LENGTH, STIFFNESS
 
 if TYPE_CHECKING:
     from mcdem.scene import Scene
@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 class Rods(Table):
     """Bonds that resist sliding and rolling alike (Becker & Briesen 2008); instead of sliding and rolling."""
 
-    stiffness: PositiveStiffness
+    stiffness: Annotated[float, STIFFNESS.positive.between("1e-12 N/m", "1e6 N/m", '"10 mN/m"')]
     """Stiffness k_t of the spring at the tip of each rod."""
-    largest_displacement: PositiveLength
+    largest_displacement: Annotated[float, LENGTH.positive.between("1e-15 m", "1 mm", '"20 nm"')]
     """Displacement xi_max of the tip at which the rod slips; the bond bears a moment of at most 2 a k_t xi_max at each end."""
 
     def kernel(self, scene: Scene) -> RodsKernel:

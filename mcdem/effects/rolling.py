@@ -10,14 +10,14 @@ Exact tests: the work of any motion within the limit is its elastic energy; the 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 from numba import njit
 
 from mcdem.effects.tangential import ROLLS, STUCK, add_stiffness, cut_back, direction
 from mcdem.quantities.toml_tables import Table
-from mcdem.quantities.units import PositiveLength
+from mcdem.quantities.units import LENGTH
 
 if TYPE_CHECKING:
     from mcdem.scene import Scene
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 class Rolling(Table):
     """Rolling resistance of JKR contacts."""
 
-    critical_displacement: PositiveLength
+    critical_displacement: Annotated[float, LENGTH.positive.between("1e-15 m", "1 mm", '"0.5 nm"')]
     """Rolling displacement xi_crit at which the contact moves on, between an atom's size and the radius of the contact."""
 
     def kernel(self, scene: Scene) -> RollingKernel:

@@ -15,7 +15,7 @@ Exact tests: the work of any motion within the limit is the energy k_T s^2/2; th
 from __future__ import annotations
 
 from math import inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -24,7 +24,7 @@ from mcdem.effects.dmt import DMT
 from mcdem.effects.jkr import JKR
 from mcdem.effects.tangential import SLIDES, STUCK, add_stiffness, cut_back, direction
 from mcdem.quantities.toml_tables import Table
-from mcdem.quantities.units import PositiveDimensionless
+from mcdem.quantities.units import DIMENSIONLESS
 
 if TYPE_CHECKING:
     from mcdem.scene import Scene
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 class Sliding(Table):
     """Friction of contacts; needs a contact law, whose material sets the stiffness."""
 
-    friction_coefficient: PositiveDimensionless
+    friction_coefficient: Annotated[float, DIMENSIONLESS.positive.between("1e-9", "1e6", "0.3")]
     """Largest tangential over normal force mu_f, the normal force with the adhesion added."""
 
     def kernel(self, scene: Scene) -> SlidingKernel:

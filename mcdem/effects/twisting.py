@@ -14,14 +14,14 @@ factors are the moments of uniform friction and of uniform displacement over a d
 from __future__ import annotations
 
 from math import inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from numba import njit
 
 from mcdem.effects.sliding import cohesion
 from mcdem.effects.tangential import STUCK, TWISTS
 from mcdem.quantities.toml_tables import Table
-from mcdem.quantities.units import PositiveDimensionless
+from mcdem.quantities.units import DIMENSIONLESS
 
 if TYPE_CHECKING:
     from mcdem.scene import Scene
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 class Twisting(Table):
     """Twisting resistance of contacts; needs a contact law, whose material sets the stiffness."""
 
-    friction_coefficient: PositiveDimensionless
+    friction_coefficient: Annotated[float, DIMENSIONLESS.positive.between("1e-9", "1e6", "0.3")]
     """Largest tangential over normal stress in the contact, mu_f, as for sliding."""
 
     def kernel(self, scene: Scene) -> TwistingKernel:

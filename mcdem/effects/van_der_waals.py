@@ -13,13 +13,13 @@ retardation F (h + l0)^2 is constant; F falls as h^-3 far away.
 from __future__ import annotations
 
 from math import pi
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from numba import njit
 from pydantic import Field, model_validator
 
 from mcdem.quantities.toml_tables import Table
-from mcdem.quantities.units import PositiveEnergy, PositiveLength
+from mcdem.quantities.units import ENERGY, LENGTH
 
 if TYPE_CHECKING:
     from mcdem.scene import Scene
@@ -32,13 +32,15 @@ BRANCH_POINT = 0.5717075264733067
 class VanDerWaals(Table):
     """Van der Waals attraction, retarded unless the scene says otherwise."""
 
-    hamaker_constant: PositiveEnergy
+    hamaker_constant: Annotated[float, ENERGY.positive.between("1e-60 J", "1e-15 J")]
     """Hamaker constant A_H of solid against solid through the medium."""
-    minimum_approach: PositiveLength
+    minimum_approach: Annotated[float, LENGTH.positive.between("1e-15 m", "1 mm", '"0.165 nm"')]
     """Molecular roughness l0 that keeps the attraction finite at contact."""
     retarded: bool = True
     """Whether the attraction weakens over distances comparable to the London wavelength."""
-    london_wavelength: PositiveLength | None = Field(100e-9, json_schema_extra={"default": "100 nm"})
+    london_wavelength: Annotated[float, LENGTH.positive.between("1 pm", "1 m", '"100 nm"')] | None = Field(
+        100e-9, json_schema_extra={"default": "100 nm"}
+    )
     """London wavelength lambda of the retardation.  The default is an assumption (the paper gives no value) of little weight."""
 
     @model_validator(mode="before")

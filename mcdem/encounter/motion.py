@@ -16,6 +16,7 @@ here, a few in an encounter; every step is taken in compiled code.
 from __future__ import annotations
 
 import math
+import time as clock
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -30,7 +31,18 @@ from mcdem.hydrodynamics import stokesian
 from mcdem.integrators.bodies import centre_and_reach, label_bodies
 from mcdem.integrators.explicit_euler import PaperOptions
 from mcdem.integrators.implicit_midpoint import ImplicitOptions, find_gaps, scratch
-from mcdem.integrators.state import DONE, PARTED, PAUSED, SETTLED, Flow, Log, Motion, Physics, new_history
+from mcdem.integrators.state import (
+    DONE,
+    PARTED,
+    PAUSED,
+    SETTLED,
+    TOO_MANY_STEPS,
+    Flow,
+    Log,
+    Motion,
+    Physics,
+    new_history,
+)
 from mcdem.integrators.time_loop import march, new_watch
 from mcdem.rigid_aggregates.passage import approach, pass_by
 from mcdem.rigid_aggregates.statics import RIGID, RigidBody, analyse, tumble, worst_load
@@ -38,6 +50,8 @@ from mcdem.rigid_aggregates.statics_with_torques import analyse_with_moments
 
 RIGID_STEP = 0.1
 """Step of rigid bodies in 1/g; their motion is smooth, and second order in it."""
+LONGEST_PIECE = 0.5
+"""About how long compiled code goes on by itself [s]."""
 WEAK = 0.01
 """Direct force [6 pi mu a^2 g] between two primaries that hardly moves them."""
 
@@ -164,26 +178,33 @@ def follow(part: Motion, members: NDArray[np.intp], course: Course, posture: Pos
     work, history, gaps = scratch(n, part.springs is not None), new_history(part), np.empty((n, n))
     find_gaps(part.positions, part.radii, gaps)
     watch = new_watch(log, course.now - shortcuts.quiet_time if rested and posture is None else course.now)
+    piece = max(200_000 // n**2, 1)
     quiet_time = shortcuts.quiet_time if shortcuts.rigid_rotation or shortcuts.inert else math.inf
     while True:
         recording.keep(course.frames, part, members, course.physics, course.now)
-        code = march(
-            part,
-            history,
-            gaps,
-            work,
-            course.flow,
-            course.physics,
-            course.implicit,
-            course.paper,
-            log,
-            watch,
-            shortcuts.separation,
-            quiet_time,
-            course.next_frame,
-            course.end,
-            course.most_steps,
-        )
+        while True:
+            # In pieces, as compiled code hears no signal; where it is cut touches no bit.
+            began = clock.monotonic()
+            code = march(
+                part,
+                history,
+                gaps,
+                work,
+                course.flow,
+                course.physics,
+                course.implicit,
+                course.paper,
+                log,
+                watch,
+                shortcuts.separation,
+                quiet_time,
+                course.next_frame,
+                course.end,
+                min(course.most_steps, int(log.steps[0]) + piece),
+            )
+            if code != TOO_MANY_STEPS or log.steps[0] >= course.most_steps:
+                break
+            piece = 2 * piece if clock.monotonic() - began < LONGEST_PIECE / 4 else max(piece // 2, 1)
         if code == PAUSED:
             continue
         if code != SETTLED:

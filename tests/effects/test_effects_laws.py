@@ -213,7 +213,7 @@ def test_an_effect_takes_all_its_parameters_and_no_others(name):
     complete = effects(name).model_dump(exclude_none=True)
     for key in TABLES[name]:
         tables = {**TABLES, name: {k: v for k, v in TABLES[name].items() if k != key}}
-        with pytest.raises(ValidationError, match=rf"{name}.{key}\n|needs {key}"):
+        with pytest.raises(ValidationError, match=rf"{name}.{key}\n|needs {key}|give {key}"):
             Effects.model_validate({n: tables[n] for n in complete})
     with pytest.raises(ValidationError, match=f"{name}.colour"):
         Effects.model_validate({n: TABLES[n] | ({"colour": 1} if n == name else {}) for n in complete})

@@ -305,7 +305,9 @@ def test_killed_at_three_random_moments_it_gives_the_same_dataset(reference, tmp
     assert differences(reference, path) == []
 
 
-@pytest.mark.parametrize(("number", "workers"), [(signal.SIGINT, "1"), (signal.SIGTERM, "2")])
+@pytest.mark.parametrize(
+    ("number", "workers"), [(signal.SIGINT, "1"), (signal.SIGTERM, "2"), (signal.SIGHUP, "1")]
+)
 def test_asked_to_stop_it_leaves_a_whole_dataset(reference, tmp_path, number, workers):
     path = tmp_path / "run.nc"
     process = start(path, "--events", str(EVENTS), "--workers", workers)
