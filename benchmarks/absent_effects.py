@@ -32,6 +32,7 @@ from __future__ import annotations
 import argparse
 import ast
 import csv
+import io
 import json
 import os
 import shutil
@@ -429,13 +430,17 @@ def save_rows(path: Path | None, rows: dict[str, dict[str, str | float]]) -> Non
     """Write the table, effects in their order."""
     if path is None:
         return
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, next(iter(rows.values())).keys(), lineterminator="\n")
-        writer.writeheader()
-        for effect in EFFECTS:
-            if effect in rows:
-                row = rows[effect].items()
-                writer.writerow({k: v if isinstance(v, str) else f"{v:.4g}" for k, v in row})
+    from mcdem.netcdf.whole_files import FILES, Kind
+
+    text = io.StringIO()
+    names = list(next(iter(rows.values())).keys())
+    writer = csv.DictWriter(text, names, lineterminator="\n")
+    writer.writeheader()
+    for effect in EFFECTS:
+        if effect in rows:
+            row = rows[effect].items()
+            writer.writerow({k: v if isinstance(v, str) else f"{v:.4g}" for k, v in row})
+    FILES.write(path, Kind("table of this command", (",".join(names).encode(),)), text.getvalue())
 
 
 def main() -> None:

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import io
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
@@ -27,6 +28,7 @@ import numpy as np
 import mcdem
 from mcdem.analysis.dataset import Run
 from mcdem.encounter.simulate import EncounterResult
+from mcdem.netcdf.whole_files import FILES, Kind
 
 SMALLEST = 8
 """Primaries of the aggregates that meet."""
@@ -180,10 +182,12 @@ def main() -> None:
     rows = read(given.output) if given.output.exists() else []
     for row in follow(Run(given.file), given.since, given.reading, given.encounters, rows):
         rows.append(row)
-        with given.output.open("w", newline="") as file:
-            writer = csv.DictWriter(file, [field.name for field in fields(Followed)])
-            writer.writeheader()
-            writer.writerows(asdict(one) for one in rows)
+        text = io.StringIO()
+        names = [field.name for field in fields(Followed)]
+        writer = csv.DictWriter(text, names)
+        writer.writeheader()
+        writer.writerows(asdict(one) for one in rows)
+        FILES.write(given.output, Kind("table of this command", (",".join(names).encode(),)), text.getvalue())
         print(
             f"{len(rows)}: {row.kind} of {row.size_i} and {row.size_j}: {row.given} -> {row.outcome}, {row.pieces}"
         )

@@ -17,7 +17,8 @@ import argparse
 import resource
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ import threadpoolctl
 import mcdem
 from mcdem.analysis.accuracy_cost import draw_pairs, warm_up
 from mcdem.analysis.dataset import Run
-from mcdem.monte_carlo.random_streams import stream
+from mcdem.quantities.random_streams import stream
 from validation.hard_cases.shapes import ball_centres, settled
 
 SIZES = (2, 10, 30, 100)
@@ -189,10 +190,41 @@ def growth_of_encounters() -> None:
         print(f"time of {name} from P = 12 on: P^{np.polyfit(np.log(p), np.log(times), 1)[0]:.2f}")
 
 
+_SAID: list[bool] = []
+
+
+@contextmanager
+def numba_kept_on() -> Iterator[list[str]]:
+    """Within, `numba.config.DISABLE_JIT = True` has no effect; what was tried is in the list that is given.
+
+    Functions are compiled or not when they are decorated, which is while a package is imported: to put the value back
+    afterwards would be too late.
+    """
+    import types
+
+    import numba
+
+    tried: list[str] = []
+
+    class KeptOn(types.ModuleType):
+        def __setattr__(self, name: str, value: object) -> None:
+            if name == "DISABLE_JIT" and value:
+                tried.append(name)
+            else:
+                super().__setattr__(name, value)
+
+    kind, numba.config.__class__ = type(numba.config), KeptOn
+    try:
+        yield tried
+    finally:
+        numba.config.__class__ = kind
+
+
 def pecnut_solve(checkout: Path, positions: np.ndarray) -> Callable[[], object]:
     """The grand resistance matrix and its solve by a checkout of Pecnut/stokesian-dynamics, run from its own folder.
 
-    Its settings.py switches numba off: say config.DISABLE_JIT = False there, or it is slower by 60 to 100 times.
+    Its settings switch numba off when they are imported, which made it slower by 60 to 100 times and stops mcdem's compiled
+    code from being called; numba stays on here whatever they say, and so it is compared at its best.
     """
     import os
 
@@ -205,10 +237,14 @@ def pecnut_solve(checkout: Path, positions: np.ndarray) -> Callable[[], object]:
     # Its settings read the command line when they are imported.
     sys.argv = ["run_simulation.py", "1", "1", "0.1", "1", "fte", "False"]
     try:
-        from functions.generate_grand_resistance_matrix import generate_grand_resistance_matrix  # type: ignore
+        with numba_kept_on() as switched_off:
+            from functions.generate_grand_resistance_matrix import generate_grand_resistance_matrix  # type: ignore
     finally:
         os.chdir(before)
         sys.argv = arguments
+    if switched_off and not _SAID:
+        print("(the checkout's settings switch numba off; it is switched on for this comparison)", flush=True)
+        _SAID.append(True)
     n = len(positions)
     none = np.zeros((0, 3))
     data = (np.ones(n), positions, np.zeros((n, 2, 3)), np.zeros(0), none, none)

@@ -9,12 +9,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mcdem.aggregates.aggregate import overlap_limit, radii_of
+from mcdem.arguments import scene_at_door
 from mcdem.encounter.simulate import physics_of
 from mcdem.errors import UserError
 from mcdem.hydrodynamics import LEVELS
 from mcdem.hydrodynamics.grand_mobility import five_to_tensor
 from mcdem.hydrodynamics.resistance import workspace
 from mcdem.hydrodynamics.velocities import solve_velocities
+from mcdem.quantities.units import ENERGY, FORCE, LENGTH, si
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -47,24 +49,17 @@ def velocities(
 ) -> Velocities:
     """Velocities of free spheres of the scene's radius, or of `radii` (N,) [m] of several, in its flow, without direct forces.
 
-    positions : (N, 3) [m];  forces : (N, 3) [N] and torques : (N, 3) [N m], external, zero by default.
+    positions : (N, 3) [m];  forces : (N, 3) [N] and torques : (N, 3) [N m], external, zero by default; all as numbers in SI
+    units, text with units, or quantities of pint.
     At the scene's level of hydrodynamics: Stokesian dynamics of Durlofsky, Brady & Bossis (1987), or a coarser one; with
     stresslets, from MATRIX_FREE_FROM spheres on by iteration in O(N) memory on all cores, to 1e-6.
     Without stresslet couplings (rotne_prager, free_draining) a sphere's stresslet is that of a single one.
     Raises `UserError` for wrong shapes, numbers that are not finite, or spheres that overlap grossly.
     """
-    x = np.array(positions, dtype=float, ndmin=2)
-    if x.ndim != 2 or x.shape[1] != 3:
-        raise UserError(f"positions: expected an array (N, 3) in metres, found shape {x.shape}")
-    f = np.zeros_like(x) if forces is None else np.array(forces, dtype=float, ndmin=2)
-    t = np.zeros_like(x) if torques is None else np.array(torques, dtype=float, ndmin=2)
-    for name, array in (("positions", x), ("forces", f), ("torques", t)):
-        if array.shape != x.shape:
-            raise UserError(f"{name}: expected the shape {x.shape} of positions, found {array.shape}")
-        if not np.isfinite(array).all():
-            raise UserError(
-                f"{name}: found a number that is not finite in row {int(np.argwhere(~np.isfinite(array))[0, 0])}"
-            )
+    scene_at_door(scene)
+    x = si("positions", positions, LENGTH, (None, 3))
+    f = np.zeros_like(x) if forces is None else si("forces", forces, FORCE, x.shape)
+    t = np.zeros_like(x) if torques is None else si("torques", torques, ENERGY, x.shape)
     radius, units = scene.suspension.radius, scene.reduced
     sizes = radii_of(scene, radii, len(x))
     if len(x) > 1:

@@ -14,13 +14,10 @@ known at their start.
 from __future__ import annotations
 
 import shlex
-import signal
 import sys
-import threading
 import time as clock
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,12 +30,14 @@ from mcdem.analysis.dataset import Run
 from mcdem.encounter.simulate import EncounterResult, simulate_encounter
 from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo import executors
-from mcdem.monte_carlo.executors import Encounter
-from mcdem.monte_carlo.random_streams import checked, stream
-from mcdem.netcdf.whole_files import locked
+from mcdem.monte_carlo.executors import Encounter, EngineError
+from mcdem.netcdf.whole_files import FILES
+from mcdem.quantities.random_streams import checked, stream
 from mcdem.scene import Scene
+from pbekit import endings
 from pbekit.errors import PBEError
 from pbekit.estimated_rates.closures import Closure, grid_for
+from pbekit.outputs import TABLE
 from pbekit.solution.steady import steady_state
 from pbekit.study.uncertainty import VarianceShares, mean_size_gradient, variance_shares
 from pbekit.tables.kernel_table import OUTCOMES, SHAPES, SOURCES, KernelTable, Records
@@ -299,10 +298,7 @@ def tabulate(
     scene.require_one_radius("a table for the balance counts equal primaries")
     if shape not in SHAPES:
         raise UserError(f'shape = "{shape}": expected one of {", ".join(SHAPES)}')
-    if path.exists() and not (resume or overwrite):
-        raise DataFileError(
-            f"{path}: exists already; extend it with --resume, or replace it with --overwrite"
-        )
+    refuse_unwritable(path, resume=resume, overwrite=overwrite)
     opened = [Run(p) for p in runs]
     for run in opened:
         differs = same_physics(scene, run.scene)
@@ -312,13 +308,14 @@ def tabulate(
                 "add --aggregates-only to use its aggregates alone"
             )
     started = clock.monotonic()
-    with locked(path), _stoppable() as stopped:
-        reused = Records.join([] if aggregates_only else [records_of_run(run) for run in opened])
-        base = _classes(scene, opened, reused, shape, shapes, seed)
-        designed = _designed(path, base) if resume and path.exists() else Records.empty()
+    with FILES.locked(path), endings.Deferred() as interruption:
+        with interruption.allowed(), endings.keeping("nothing was computed, nothing written"):
+            reused = Records.join([] if aggregates_only else [records_of_run(run) for run in opened])
+            base = _classes(scene, opened, reused, shape, shapes, seed)
+            designed = _designed(path, base) if resume and path.exists() else Records.empty()
+            library = Library.of(opened, base)
         parts = [designed] if len(designed) else []
         done, known, saved = len(designed), Plan(np.zeros(0, np.intp)), -np.inf
-        library = Library.of(opened, base)
 
         def table(count: int) -> KernelTable:
             every = Records.join(parts)
@@ -327,58 +324,86 @@ def tabulate(
         def save() -> None:
             about = {**base.about, "designed": done, "command": shlex.join(["mcdem", *sys.argv[1:]])}
             full = table(done)
-            KernelTable(
-                full.records, base.size_edges, base.shape_edges, base.radius, base.shear_rate, shape, about
-            ).save(path)
+            try:
+                KernelTable(
+                    full.records,
+                    base.size_edges,
+                    base.shape_edges,
+                    base.radius,
+                    base.shear_rate,
+                    shape,
+                    about,
+                ).save(path)
+            except PBEError as problem:
+                raise DataFileError(str(problem)) from None
 
         pool: Executor = executor or executors.Here()
         compute = executors.computation(scene, encounter, seed, pool)
-        ended_by = "encounters"
-        while True:
-            begun = done - done % ROUND
-            known = plan(table(begun), library, scene.suspension.volume_fraction, seed, begun, primaries)
-            if progress is not None:
-                progress(_now(reused, done, encounters, known, started))
-            if error is not None and known.error is not None and known.error <= error and begun == done:
-                ended_by = "error"
-                break
-            if done >= encounters:
-                break
-            last = min(begun + ROUND, encounters)
-            rng = stream(seed, "kernel pairs", begun)
-            drawn = [library.draw(*_classes_of(pair), rng) for pair in known.pairs][
-                done - begun : last - begun
-            ]
-            futures: Iterable[Future[EncounterResult]] = map(
-                lambda k, pair: pool.submit(
-                    compute, library.aggregates[pair[0]], library.aggregates[pair[1]], DESIGNED_EPOCH, k
-                ),
-                range(done, last),
-                drawn,
-            )
-            if not isinstance(pool, executors.Here):
-                futures = list(futures)
-            try:
-                for (i, j), future in zip(drawn, futures, strict=True):
-                    parts.append(
-                        record_of(library.aggregates[i], library.aggregates[j], future.result(), base.radius)
+        ended_by = ""
+        futures: list[Future[EncounterResult]] = []
+        try:
+            while not ended_by:
+                begun = done - done % ROUND
+                with interruption.allowed():
+                    known = plan(
+                        table(begun), library, scene.suspension.volume_fraction, seed, begun, primaries
                     )
+                if progress is not None:
+                    progress(_now(reused, done, encounters, known, started))
+                if error is not None and known.error is not None and known.error <= error and begun == done:
+                    ended_by = "error"
+                    break
+                if done >= encounters:
+                    ended_by = "encounters"
+                    break
+                last = min(begun + ROUND, encounters)
+                rng = stream(seed, "kernel pairs", begun)
+                drawn = [library.draw(*_classes_of(pair), rng) for pair in known.pairs][
+                    done - begun : last - begun
+                ]
+
+                def begin(number: int, pair: tuple[int, int]) -> Future[EncounterResult]:
+                    first, second = (library.aggregates[k] for k in pair)
+                    return executors.submit(pool, compute, first, second, DESIGNED_EPOCH, number)
+
+                ahead = not isinstance(pool, executors.Here)
+                futures = [begin(done + k, pair) for k, pair in enumerate(drawn)] if ahead else []
+                for k, (i, j) in enumerate(drawn):
+                    with interruption.allowed():
+                        result = executors.result_of(futures[k] if ahead else begin(done, (i, j)))
+                    parts.append(record_of(library.aggregates[i], library.aggregates[j], result, base.radius))
                     done += 1
                     if clock.monotonic() - saved > checkpoint_every:
                         save()
                         saved = clock.monotonic()
                     if progress is not None:
                         progress(_now(reused, done, encounters, known, started))
-                    if stopped.is_set():
-                        raise KeyboardInterrupt
-            except KeyboardInterrupt:
-                ended_by = "interruption"
-                for future in futures if isinstance(futures, list) else ():
-                    future.cancel()
-                break
-            parts[:] = [Records.join(parts)]
+                parts[:] = [Records.join(parts)]
+        except KeyboardInterrupt:
+            ended_by = "interruption"
+        except BaseException as problem:
+            if not (isinstance(problem, EngineError) and endings.asked(within=0.5)):
+                save()
+                if isinstance(problem, EngineError):
+                    raise EngineError(
+                        f"{problem}; {path} holds {done} designed encounters: extend it with --resume, maybe on fewer workers"
+                    ) from problem
+                raise
+            ended_by = "interruption"
+        finally:
+            for future in futures:
+                future.cancel()
         save()
     return Summary(path, len(reused), done, known.mean_size, known.error, ended_by)
+
+
+def refuse_unwritable(path: Path, *, resume: bool, overwrite: bool) -> None:
+    """Raise `DataFileError` where no table may be written."""
+    if path.is_file() and not (resume or overwrite):
+        raise DataFileError(
+            f"{path}: exists already; extend it with --resume, or replace it with --overwrite"
+        )
+    FILES.check(path, TABLE)
 
 
 def _classes(scene, runs, reused, shape, shapes, seed) -> KernelTable:
@@ -435,24 +460,3 @@ def _classes_of(pair: int) -> tuple[int, int]:
 
 def _now(reused, done, wanted, known, started) -> Progress:
     return Progress(len(reused), done, wanted, known.mean_size, known.error, clock.monotonic() - started)
-
-
-@contextmanager
-def _stoppable() -> Iterator[threading.Event]:
-    """Ctrl-C and SIGTERM set the event; a second Ctrl-C stops at once."""
-    asked = threading.Event()
-
-    def handle(number, frame):
-        if asked.is_set():
-            raise KeyboardInterrupt
-        asked.set()
-
-    if threading.current_thread() is not threading.main_thread():
-        yield asked
-        return
-    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield asked
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

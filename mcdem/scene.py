@@ -9,6 +9,7 @@ not simulated; every other table but `[suspension]` and `[flow]` may be left out
 from __future__ import annotations
 
 import math
+import os
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,21 +18,26 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 import tomlkit
 import tomlkit.exceptions
 from pydantic import Field, PrivateAttr, ValidationError, create_model, model_validator
+from pydantic_core import PydanticCustomError
 
-from mcdem.effects import Effects, Resistance
+from mcdem.effects import EFFECTS, Effects, Resistance
 from mcdem.errors import SceneError
 from mcdem.hydrodynamics import LEVELS
 from mcdem.integrators import SCHEMES
 from mcdem.quantities import renamed_keys
 from mcdem.quantities.linear_flows import Flow
+from mcdem.quantities.random_streams import LARGEST_SEED
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
-from mcdem.quantities.toml_tables import Key, Table, explain, keys, written
-from mcdem.quantities.units import (
-    NonNegativeDimensionless,
-    PositiveDimensionless,
-    PositiveTime,
-)
+from mcdem.quantities.toml_tables import Key, Table, explain, keys, quantity_at, written
+from mcdem.quantities.units import DIMENSIONLESS, IN_A_FILE, TIME, shown
+
+LARGEST_FILE = 2**16
+"""Bytes of a scene file; the longest of those that come with mcdem has 3000."""
+LONGEST_LINE = 2000
+"""Characters of a line of it: the time to read a key of many dots grows with the square of their number."""
+
+_PERIOD = TIME.positive.between("1e-15 s", "1e15 s")
 
 
 class Hydrodynamics(Table):
@@ -40,7 +46,7 @@ class Hydrodynamics(Table):
     level: Literal[tuple(LEVELS)] = "stokesian"  # type: ignore[valid-type]
     """"free_draining": Stokes drag on each sphere by itself; "rotne_prager": far field of forces and torques;
     "fts": of forces, torques and stresslets; "stokesian": the same with pair lubrication, which alone has the keys below."""
-    lubrication_cutoff: NonNegativeDimensionless = 5e-3
+    lubrication_cutoff: Annotated[float, DIMENSIONLESS.non_negative.between("0", "10", "5e-3")] = 5e-3
     """Gap over radius, delta, below which lubrication keeps its value there; 0 for no cut-off (paper, section 2.2.1)."""
     cutoff_convention: Literal["matrix", "gap"] = "matrix"
     """Below the cut-off, "matrix": the two-body resistance is frozen, as the paper says; "gap": the strain sees the frozen gap
@@ -74,29 +80,29 @@ class NumericsOfScene(Table):
     scheme: Literal[tuple(SCHEMES)] = "implicit"  # type: ignore[valid-type]
     """"implicit": midpoint steps, contacts solved at the end of the step; "explicit_euler": the paper's, with the time step of
     Eq. 20.  The keys of each are in a table of its name."""
-    start_distance: Annotated[PositiveDimensionless, Field(ge=1.0)] = 5.0
+    start_distance: Annotated[float, DIMENSIONLESS.positive.between("1", "1e4", "5")] = 5.0
     """Distance upstream at which the second aggregate starts, in units of R_i + R_j."""
-    rotations: NonNegativeDimensionless = 8.0
+    rotations: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1e6", "8")] = 8.0
     """Rotations N_rot that follow the approach (Eq. 21)."""
-    far_approach: NonNegativeDimensionless = 2.0
+    far_approach: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1e4", "2")] = 2.0
     """Two rigid aggregates approach as bodies with a stresslet down to this centre distance over R_i + R_j; 0 for never,
     as at levels of hydrodynamics without stresslets."""
-    sure_miss: NonNegativeDimensionless = 0.5
+    sure_miss: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1e4")] = 0.5
     """Two rigid aggregates that came together as bodies pass as bodies if no two of their primaries come closer than this gap,
     in radii, and nothing can break; 0 for never.  The gap is predicted to about 0.1."""
-    separation: NonNegativeDimensionless = 1.5
+    separation: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1e4", "1.5")] = 1.5
     """Parts that recede from each other go on alone beyond this centre distance over R_i + R_j; 0 for never."""
     rigid_rotation: bool = True
     """An aggregate without floppy modes turns as a rigid body while its load stays below `rigid_load_limit`."""
     end_stable: bool = True
     """A rigid aggregate that is mechanically stable in every orientation is not followed further."""
-    rigid_load_limit: Annotated[PositiveDimensionless, Field(le=1.0)] = 0.9
+    rigid_load_limit: Annotated[float, DIMENSIONLESS.positive.between("1e-6", "1", "0.9")] = 0.9
     """Largest tension over pull-off force, by statics, at which an aggregate is taken as rigid."""
-    quiet_time: NonNegativeDimensionless = 1.0
+    quiet_time: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1e9", "1")] = 1.0
     """Strain g t without a contact made or lost before an aggregate is taken as rigid."""
-    longest_approach: PositiveDimensionless = 1000.0
+    longest_approach: Annotated[float, DIMENSIONLESS.positive.between("1e-3", "1e9", "1000")] = 1000.0
     """Strain g t after which an approach is given up and recorded as unresolved: it diverges as y0 goes to 0 (Eq. 21)."""
-    most_steps: Annotated[int, Field(gt=0)] = 20_000_000
+    most_steps: Annotated[int, Field(ge=1, le=10**15)] = 20_000_000
     """Steps after which an encounter is given up and recorded as unresolved."""
     event_selection: Literal["majorant_rejection", "inverse_transform"] = "majorant_rejection"
     """"majorant_rejection": encounters are proposed at a rate above all pairs' and thinned (Lewis & Shedler 1979);
@@ -131,9 +137,11 @@ else:
 class Population(Table):
     """The sample of the suspension that is followed."""
 
-    initial: Annotated[int, Field(ge=2)] = 200
+    initial: Annotated[int, Field(ge=2, le=10**6)] = 200
     """Number of primary particles, all free, at the start."""
-    doubling_below: Annotated[NonNegativeDimensionless, Field(lt=1.0)] = 0.75
+    doubling_below: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1", "0.75"), Field(lt=1.0)] = (
+        0.75
+    )
     """The sample is doubled by exact copy when its aggregates become fewer than this fraction of `initial`; 0 for never."""
     restructuring: bool = True
     """Whether aggregates keep the shape that an encounter gave them which left them their primaries (missed or parted); false:
@@ -143,13 +151,13 @@ class Population(Table):
 class Run(Table):
     """When to stop, what to keep.  The command line may override it."""
 
-    until: PositiveTime | None = None
+    until: Annotated[float, _PERIOD] | None = None
     """Process time at which the run stops."""
-    events: Annotated[int, Field(gt=0)] | None = None
+    events: Annotated[int, Field(ge=1, le=10**12)] | None = None
     """Number of encounters after which the run stops."""
-    seed: Annotated[int, Field(ge=0)] = 1
+    seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 1
     """Seed of every random stream."""
-    snapshot_every: PositiveTime = 1.0
+    snapshot_every: Annotated[float, _PERIOD] = 1.0
     """Process time between two records of every aggregate's geometry."""
 
 
@@ -189,6 +197,22 @@ class Scene(Table):
             )
         return self
 
+    @model_validator(mode="after")
+    def _effects_hold_in_this_suspension(self) -> Self:
+        smallest = min(self.suspension.species)
+        for name, effect in self.effects.present().items():
+            for key in effect.below_radius:
+                if getattr(effect, key) >= smallest:
+                    raise ValueError(
+                        f"[effects.{name}] {key} = {getattr(effect, key):g} m; expected a length below the radius of the primaries, "
+                        f"{smallest:g} m"
+                    )
+        try:
+            self.effects.kernels(self.reduced, self.suspension)
+        except SceneError as problem:
+            raise ValueError(str(problem)) from None
+        return self
+
     _text: str = PrivateAttr("")
     _path: Path | None = PrivateAttr(None)
 
@@ -199,22 +223,15 @@ class Scene(Table):
         Raises `SceneError`, one line a problem: file, table, key, value, what was expected.
         """
         source = str(path) if path is not None else "scene"
+        tables = _tables(text, source)
         try:
-            tables = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as problem:
-            raise SceneError(f"{source}: not valid TOML: {problem}") from None
-        if old := list(renamed_keys.old_words(tables)):
-            raise SceneError("\n".join(f"{source}: {line}" for line in old))
-        try:
-            scene = cls.model_validate(tables)
+            if old := list(renamed_keys.old_words(tables)):
+                raise SceneError("\n".join(f"{source}: {line}" for line in old))
+            scene = cls.model_validate(tables, context=IN_A_FILE)
         except ValidationError as problem:
-            raise SceneError(explain(problem, cls, source)) from None
+            raise SceneError(explain(problem, cls, source, _offers(tables))) from None
         scene._text = text
         scene._path = Path(path) if path is not None else None
-        try:
-            scene.effects.kernels(scene.reduced, scene.suspension)
-        except SceneError as problem:  # an effect does not hold for this suspension
-            raise SceneError(f"{source}: {problem}") from None
         return scene
 
     @classmethod
@@ -222,28 +239,74 @@ class Scene(Table):
         """The scene that a dataset holds, which may be one of before, with other names of keys."""
         return cls.from_text(renamed_keys.renewed(text), path)
 
-    def with_changes(self, changes: Mapping[str, Any]) -> Self:
+    def with_changes(self, changes: Mapping[str, Any], *, as_in_file: bool = False) -> Self:
         """The scene with other values at dotted keys: `{"flow.shear_stress": "750 Pa", "effects.jkr": None}`.
 
-        Values are written as in the file, `None` removes a key or a table.  Of shear rate, viscosity and shear
-        stress two stay: a new stress replaces the viscosity, a new shear rate or viscosity the stress.
+        Parameters
+        ----------
+        changes : dotted key -> text with a unit, a number in SI units or a quantity of pint; a table as a dictionary; `None`
+            removes a key or a table.  All are made together: their order means nothing.
+        as_in_file : refuse bare numbers where a unit is needed, as in a file
+
+        Of shear rate, viscosity and shear stress two stay: those that are changed and, where it is one, the shear rate beside a
+        new stress or viscosity, the viscosity beside a new shear rate (`gives_way` says which key goes).  Of other keys that
+        stand for each other (radius and radii, debye_length and salt_concentration ...) the changed ones replace the rest.
         Comments of the text are kept.  Raises `SceneError` as `from_text` does.
         """
         document = tomlkit.parse(self.text)
-        for dotted, value in changes.items():
-            *tables, key = dotted.split(".")
-            table: Any = document
-            for name in tables:
-                table = table.setdefault(name, tomlkit.table())
-                if not isinstance(table, dict):
-                    raise SceneError(f'{self.name}: cannot set "{dotted}": "{name}" is a key, not a table')
+        given = {tuple(dotted.split(".")): (dotted, value) for dotted, value in changes.items()}
+        for path, (dotted, _) in given.items():
+            if any(path[:k] in given for k in range(1, len(path))):
+                raise SceneError(
+                    f'{self.name}: cannot set "{dotted}" and the table it is in: put it into the table\'s own keys'
+                )
+        for path in self.gives_way(changes):
+            table, key = _table_at(document, path, self.name)
+            table.pop(key, None)
+        for path, (_, value) in given.items():
+            table, key = _table_at(document, path, self.name)
             if value is None:
                 table.pop(key, None)
-                continue
-            if tables == ["flow"]:
-                _make_room(table, key)
-            table[key] = value.item() if hasattr(value, "item") else value
+            else:
+                table[key] = _as_written(type(self), path, value, as_in_file)
         return type(self).from_text(tomlkit.dumps(document), self.path)
+
+    def gives_way(self, changes: Mapping[str, Any]) -> list[tuple[str, ...]]:
+        """Keys of the text, as paths, that changes at dotted keys replace without naming them."""
+        tables = tomllib.loads(self.text)
+        named = {tuple(dotted.split(".")) for dotted, value in changes.items() if value is not None}
+        removed = {tuple(dotted.split(".")) for dotted, value in changes.items() if value is None}
+        flow = tables.get("flow", {})
+        there = {key for key in _GIVES_WAY if key in flow and ("flow", key) not in removed}
+        new = [key for key in _GIVES_WAY if ("flow", key) in named]
+        found: list[tuple[str, ...]] = []
+        if len(new) == 1 and new[0] not in there:
+            excess = len(there) - 1
+            found += [("flow", other) for other in _GIVES_WAY[new[0]] if other in there][:excess]
+        elif len(new) == 2:
+            found += [("flow", other) for other in there - set(new)]
+        for place, groups in _INSTEAD:
+            table: Any = tables
+            for name in place:
+                table = table.get(name, {}) if isinstance(table, dict) else {}
+            for group in groups:
+                if any((*place, key) in named for key in group):
+                    others = {key for other in groups if other is not group for key in other}
+                    found += [
+                        (*place, key) for key in sorted(others & set(table)) if (*place, key) not in named
+                    ]
+        return found
+
+    def value_at(self, dotted: str) -> str:
+        """What the scene's text says at a dotted key, on one line; empty where it says nothing."""
+        value: Any = tomllib.loads(self.text)
+        for name in dotted.split("."):
+            if not isinstance(value, dict) or name not in value:
+                return ""
+            value = value[name]
+        if isinstance(value, bool):
+            return str(value).lower()
+        return str(value)
 
     @property
     def text(self) -> str:
@@ -298,28 +361,110 @@ class Scene(Table):
         return hash(tuple(self.__dict__.values()))
 
 
-def _make_room(flow: Any, key: str) -> None:
-    """Remove the one of the three flow quantities that a new value of `key` replaces."""
-    gives_way = {
-        "shear_stress": ("viscosity", "shear_rate"),
-        "viscosity": ("shear_stress", "shear_rate"),
-        "shear_rate": ("shear_stress", "viscosity"),
+_GIVES_WAY = {
+    "shear_stress": ("viscosity", "shear_rate"),
+    "viscosity": ("shear_stress", "shear_rate"),
+    "shear_rate": ("shear_stress", "viscosity"),
+}
+"""Of the three flow quantities: which of the other two a new value replaces, the first that is there."""
+
+_INSTEAD: tuple[tuple[tuple[str, ...], tuple[frozenset[str], ...]], ...] = (
+    (("suspension",), (frozenset({"radius"}), frozenset({"radii", "number_fractions"}))),
+    *(
+        (("effects", name), groups)
+        for name, effect in EFFECTS.items()
+        for groups in effect.table.instead_of_each_other
+    ),
+)
+"""Tables, and the groups of their keys of which one stands for the others."""
+
+
+def _table_at(document: Any, path: tuple[str, ...], name: str) -> tuple[Any, str]:
+    """The table of a document that holds the last key of a path, made where it is not there, and that key."""
+    *tables, key = path
+    table = document
+    for part in tables:
+        table = table.setdefault(part, tomlkit.table())
+        if not isinstance(table, dict):
+            raise SceneError(f'{name}: cannot set "{".".join(path)}": "{part}" is a key, not a table')
+    return table, key
+
+
+def _as_written(model: type[Table], path: tuple[str, ...], value: Any, as_in_file: bool) -> Any:
+    """A value given in Python as a scene file would hold it: numbers with the SI unit of their key."""
+    if isinstance(value, Mapping):
+        return {name: _as_written(model, (*path, name), inner, as_in_file) for name, inner in value.items()}
+    if hasattr(value, "m_as"):  # a quantity of pint: its digits in SI units
+        quantity = quantity_at(model, path)
+        try:
+            number = float(value.to_base_units().magnitude) if quantity is None else quantity.to_si(value)
+        except (PydanticCustomError, TypeError, ValueError):
+            return f"{value:~}"  # which the reader refuses, with what it expects
+        return f"{number!r} {quantity.si}".rstrip() if quantity is not None and quantity.si else number
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(value, list | tuple):
+        return [_as_written(model, path, one, as_in_file) for one in value]
+    if isinstance(value, int | float) and not isinstance(value, bool) and not as_in_file:
+        quantity = quantity_at(model, path)
+        if quantity is not None and quantity.si:
+            return f"{value!r} {quantity.si}"
+    if not isinstance(value, str | int | float | bool):
+        raise SceneError(
+            f"{'.'.join(path)} = {shown(value)}: expected text with a unit, a number, a quantity of pint, true or false, a list "
+            "or a table of these"
+        )
+    return value
+
+
+def _tables(text: str, source: str) -> dict[str, Any]:
+    """The tables of a scene's text; raises `SceneError` in a line for what is no TOML, or too much of it."""
+    text = text.removeprefix("\ufeff")
+    if len(text) > LARGEST_FILE:
+        raise SceneError(
+            f"{source}: has {len(text)} characters, expected at most {LARGEST_FILE}: is it a scene file?"
+        )
+    for number, line in enumerate(text.split("\n"), start=1):
+        if len(line) > LONGEST_LINE:
+            raise SceneError(
+                f"{source}: line {number} has {len(line)} characters, expected at most {LONGEST_LINE}: is it a scene file?"
+            )
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise SceneError(f"{source}: lists or tables nested too deep, expected at most four levels") from None
+    except tomllib.TOMLDecodeError as problem:
+        raise SceneError(f"{source}: not valid TOML: {shown(str(problem), 200)[1:-1]}") from None
+    except ValueError:  # a whole number of thousands of digits, a day that no month has
+        raise SceneError(f"{source}: not valid TOML: a number or a date that cannot be read") from None
+
+
+def _offers(tables: dict[str, Any]) -> dict[tuple[str, str], str]:
+    """What may stand for a key that is missing: (table, key) -> words."""
+    effects = tables.get("effects")
+    given = (
+        [table for table in effects.values() if isinstance(table, dict)] if isinstance(effects, dict) else []
+    )
+    return {
+        (f"effects.{name}", key): words
+        for name, effect in EFFECTS.items()
+        for key, words in effect.table.offers(given).items()
     }
-    if key not in gives_way or key in flow:
-        return
-    for other in gives_way[key]:
-        if len(flow.keys() & gives_way.keys()) >= 2:
-            flow.pop(other, None)
 
 
 def load_scene(path: Path | str) -> Scene:
     """Read and check a scene file; raises `SceneError` naming file, table, key, value and cure."""
+    if not isinstance(path, str | os.PathLike):
+        raise SceneError(f"{shown(path)}: expected the name of a scene file")
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        with Path(path).open("rb") as file:
+            data = file.read(4 * LARGEST_FILE + 1)
+        text = data.decode("utf-8-sig").replace("\r\n", "\n")
     except OSError as problem:
-        raise SceneError(f"{path}: cannot be read: {problem.strerror}") from None
+        raise SceneError(f"{shown(str(path), 200)[1:-1]}: cannot be read: {problem.strerror}") from None
     except UnicodeDecodeError as problem:
         raise SceneError(f"{path}: cannot be read: byte {problem.start} is not UTF-8 text") from None
+    except ValueError:
+        raise SceneError(f"{shown(str(path))}: is not the name of a file") from None
     return Scene.from_text(text, path)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.ticker import NullLocator, ScalarFormatter
 
+from pbekit.outputs import FILES
 from pbekit.study.compare import Comparison
 from pbekit.tables.kernel_table import AGGREGATION, SCATTERED, KernelTable
 
@@ -35,9 +36,11 @@ TABULATED, MONTE_CARLO, ANALYTICAL, SINGLE_RUNS = (
 
 def save(figure, data: xr.Dataset, path: Path) -> Path:
     """The figure as PNG and its numbers as NetCDF of the same name."""
-    figure.savefig(path.with_suffix(".png"))
-    plt.close(figure)
-    data.to_netcdf(path.with_suffix(".nc"))
+    try:
+        FILES.write_picture(path.with_suffix(".png"), figure)
+    finally:
+        plt.close(figure)
+    FILES.write_numbers(path.with_suffix(".nc"), data)
     return path.with_suffix(".png")
 
 

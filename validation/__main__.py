@@ -1,7 +1,7 @@
 """`python -m validation`: run cases, write the report.
 
-Exit codes: 0 every verdict is the one that is known; 1 one is not; 2 something to mend in what was given; 130 interrupted,
-what was measured is kept.
+Exit codes: 0 every verdict is the one that is known; 1 one is not; 2 something to mend in what was given; 130, 143, 129
+interrupted by Ctrl-C, SIGTERM, SIGHUP, what was measured is kept (`pbekit.endings`).
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ import typer
 
 from mcdem.commands.run import Engine
 from mcdem.errors import UserError
+from mcdem.netcdf.whole_files import FILES, VERDICTS
+from pbekit import endings
 from validation import case as cases_of
 
 
@@ -121,15 +123,16 @@ def validation(
                 told=display,
             )
     except KeyboardInterrupt:
-        typer.secho("interrupted: given again, the command goes on from what is kept", err=True)
-        raise typer.Exit(130) from None
+        raise KeyboardInterrupt(
+            f"{output / 'kept'} holds what was measured: the same command goes on from there"
+        ) from None
     title = "Validation" + (" (quick)" if quick else "") + (f", broken: {way}" if way else "")
     output.mkdir(parents=True, exist_ok=True)
     page = output / "report.html"
-    page.write_text(report.html(outcomes, title, way), encoding="utf-8")
+    FILES.write(page, FILES.page, report.html(outcomes, title, way))
     table = report.markdown(outcomes)
     for path in [output / "verdicts.md", *([report.README] if readme else [])]:
-        path.write_text(table, encoding="utf-8")
+        FILES.write(path, VERDICTS, table)
     console.print(f"{page}: {page.stat().st_size / 1e6:.1f} MB", markup=False)
     strange = [o for o in outcomes if not o.as_expected]
     for o in strange:
@@ -174,6 +177,7 @@ class Display:
             return
         colour = {"agrees": "green", "differs": "red", "failed": "red"}.get(what.verdict.value, "yellow")
         mark = "" if what.as_expected else "  (unexpected)"
+        mark += f"  needs {what.needs}: pip install {what.needs}" if what.needs else ""
         line = f"{what.verdict.value:10s}  {what.case.name}  {what.cpu:.1f} s{mark}"
         self.console.print(line, style=colour, markup=False, soft_wrap=True)
         self.bar.update(self.task, advance=1)
@@ -191,7 +195,7 @@ def main() -> None:
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="markdown")
     app.command()(validation)
     try:
-        app(prog_name="python -m validation")
+        endings.program(lambda: app(prog_name="python -m validation"))
     except UserError as problem:
         typer.secho(f"error: {problem}", fg="red", err=True)
         raise SystemExit(2) from None

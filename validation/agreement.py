@@ -21,7 +21,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
@@ -36,10 +36,13 @@ from mcdem.encounter.simulate import OUTCOMES
 from mcdem.errors import UserError
 from mcdem.monte_carlo.executors import opened
 from mcdem.monte_carlo.record import software
+from mcdem.netcdf.whole_files import FILES, HDF5, Kind
 from mcdem.scene import Scene, load_scene
+from pbekit import endings
 
 WAYS = (REFERENCE, "default", "paper")
 TITLE = "mcdem agreement: the same encounters with and without shortcuts"
+SAMPLE = Kind("sample of this command", (HDF5,), (TITLE.encode(),), sealed=True)
 FORMAT = 1
 EVERY = 60.0
 """Time between two writings [s]."""
@@ -199,13 +202,8 @@ def differences(data: xr.Dataset, way: str, other: str) -> list[Difference]:
 
 def load(path: Path) -> xr.Dataset:
     """A sample from its file, in memory; raises `UserError` for a file that holds none."""
-    try:
-        with xr.open_dataset(path) as opened_file:
-            data = opened_file.load()
-    except (OSError, ValueError) as problem:
-        raise UserError(
-            f"{path}: cannot be read as NetCDF ({problem}); expected a sample of this command"
-        ) from None
+    with FILES.reading(path, "a sample of this command"), xr.open_dataset(path) as opened_file:
+        data = opened_file.load()
     if data.attrs.get("title") != TITLE or data.attrs.get("format") != FORMAT:
         raise UserError(f"{path}: expected a sample of this command, layout {FORMAT}; choose another file")
     return data
@@ -213,10 +211,8 @@ def load(path: Path) -> xr.Dataset:
 
 def save(data: xr.Dataset, path: Path) -> None:
     """Write a sample, whole or not at all."""
-    beside = path.with_name(f".{path.name}.part")
-    packed = {name: {"zlib": True, "complevel": 9} for name in data.data_vars}
-    data.to_netcdf(beside, encoding=packed)
-    beside.replace(path)
+    packed: dict[str, Any] = {str(name): {"zlib": True, "complevel": 9} for name in data.data_vars}
+    FILES.write_dataset(path, SAMPLE, {"": data}, {"": packed})
 
 
 def main(
@@ -257,4 +253,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    endings.program(lambda: typer.run(main))

@@ -53,6 +53,7 @@ class Verdict(StrEnum):
     known_gap = "known gap"
     cannot_say = "cannot say"
     differs = "differs"
+    not_run = "not run"
     failed = "failed"
 
     @property

@@ -24,6 +24,7 @@ import mcdem
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.monte_carlo import executors
 from mcdem.scene import Scene, load_scene
+from pbekit import endings
 from validation.hard_cases import laws
 from validation.hard_cases import shapes as made
 from validation.hard_cases.case import PAPER, Finding, finding
@@ -343,4 +344,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    endings.program(lambda: typer.run(main))

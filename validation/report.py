@@ -12,6 +12,7 @@ from pathlib import Path
 import jinja2
 
 from mcdem.figures.style import look
+from mcdem.netcdf.whole_files import FILES
 from validation import origin
 from validation.case import CHAPTERS, Case, Check, Verdict
 from validation.run import Outcome
@@ -68,6 +69,8 @@ def explanation(outcome: Outcome) -> str:
     """Why a case does not agree; "open" where nobody knows."""
     if outcome.verdict == Verdict.agrees:
         return ""
+    if outcome.needs:
+        return f"needs {outcome.needs}: pip install {outcome.needs}"
     if outcome.as_expected and outcome.case.because and not outcome.read:
         return outcome.case.because
     reasons = [c.why or c.gap for c in outcome.findings.checks if c.verdict == outcome.verdict]
@@ -88,6 +91,7 @@ def html(outcomes: list[Outcome], title: str, way: str | None = None) -> str:
     ]
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
         title=title,
+        generator=FILES.signature,
         way=way,
         chapters=chapters,
         outcomes=outcomes,

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from mcdem.monte_carlo import executors
+from pbekit import endings
 from validation import broken, origin
 from validation.case import NOTHING_GIVEN, Case, Context, Findings, Given, Verdict, load
 
@@ -51,15 +53,21 @@ class Outcome:
     parts: int = 0
     problem: str = ""
     """Traceback, if it failed."""
+    needs: str = ""
+    """The library without which it was not run."""
     notes: list[str] = field(default_factory=list)
 
     @property
     def verdict(self) -> Verdict:
-        return Verdict.failed if self.problem else self.findings.verdict
+        if self.problem:
+            return Verdict.failed
+        return Verdict.not_run if self.needs else self.findings.verdict
 
     @property
     def as_expected(self) -> bool:
-        """Of what the user gave, nothing is expected but an answer."""
+        """Of what the user gave, nothing is expected but an answer; and nothing of what could not be run."""
+        if self.needs:
+            return True
         if self.read:
             return self.verdict != Verdict.failed
         return self.verdict == self.case.expected
@@ -97,6 +105,11 @@ def perform(
             with broken.broken(way):
                 result["numbers"] = case.measured(case.context(quick, given), label)
             result = json.loads(json.dumps(result, default=_plain))
+        except ModuleNotFoundError as problem:
+            if (problem.name or "").partition(".")[0] in origin.PACKAGES:
+                result = {"problem": traceback.format_exc()}
+            else:
+                result = {"needs": problem.name or str(problem)}
         except Exception:
             result = {"problem": traceback.format_exc()}
     return result | {"cpu": time.process_time() - cpu, "wall": time.perf_counter() - wall}
@@ -163,7 +176,7 @@ def run(
             settle(part, known)
     try:
         for part in to_measure:
-            future = executor.submit(perform, part.name, quick, part.label, way, given)
+            future = executors.submit(executor, perform, part.name, quick, part.label, way, given)
             waiting[future] = part
             if future.done():  # computed here, at once
                 _finish(future, waiting.pop(future), folder, settle)
@@ -180,10 +193,14 @@ def _finish(
     future: Future[dict[str, Any]], part: Part, folder: Path, settle: Callable[[Part, dict], None]
 ) -> None:
     try:
-        result = future.result()
-    except Exception:  # the worker itself went down
-        result = {"problem": traceback.format_exc(), "cpu": 0.0, "wall": 0.0}
-    if "problem" not in result:
+        result = executors.result_of(future)
+    except executors.EngineError as problem:  # a case that takes its worker down, or whoever stopped them all
+        if endings.asked(within=0.5):
+            raise KeyboardInterrupt from None
+        raise executors.EngineError(
+            f"{part.name} {part.label}: {problem}; {folder} holds what was measured: the same command goes on from there"
+        ) from problem
+    if "numbers" in result:
         _write(part.kept(folder), result | {"label": part.label, "software": origin.on_this_machine()})
     settle(part, result)
 
@@ -208,7 +225,8 @@ def _judge(parts: list[Part], results: dict[str, dict[str, Any]], reused: int) -
     outcome = Outcome(case, context, Findings(()), reused=reused, parts=len(parts))
     outcome.cpu = sum(result["cpu"] for result in results.values())
     problems = [result["problem"] for result in results.values() if "problem" in result]
-    if not problems:
+    outcome.needs = next((result["needs"] for result in results.values() if "needs" in result), "")
+    if not problems and not outcome.needs:
         try:
             # In the order of the parts, whichever came first.
             numbers = {part.label: results[part.label]["numbers"] for part in parts}

@@ -95,7 +95,9 @@ def compare(saved: dict[str, Any], found: dict[str, Any], same_machine: bool) ->
         if same_machine:
             differ = [v for v, digest in before["digests"].items() if now["digests"].get(v) != digest]
             if differ:
-                lines.append(f"{name}: {len(differ)} of {len(before['digests'])} variables differ: {', '.join(differ[:5])}")
+                lines.append(
+                    f"{name}: {len(differ)} of {len(before['digests'])} variables differ: {', '.join(differ[:5])}"
+                )
         elif before["outcomes"] != now["outcomes"]:
             lines.append(f"{name}: outcomes {now['outcomes']}, saved {before['outcomes']}")
     return lines

@@ -11,7 +11,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
+from mcdem.arguments import scene_at_door
 from mcdem.errors import UserError
+from mcdem.quantities.units import LENGTH, si
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -52,9 +54,9 @@ class Aggregate:
         return float((self.positions**2).sum(axis=1).max())
 
     @classmethod
-    def monomer(cls, radius: float | None = None) -> Aggregate:
-        """A free primary particle; `radius` [m] in a suspension of several."""
-        radii = None if radius is None else np.array([radius])
+    def monomer(cls, radius: float | str | None = None) -> Aggregate:
+        """A free primary particle; `radius` in a suspension of several, a number in m or with a unit."""
+        radii = None if radius is None else np.array([si("radius", radius, LENGTH.positive)])
         return cls(np.zeros((1, 3)), np.zeros((0, 2), np.int32), radii=radii)
 
     @classmethod
@@ -82,19 +84,16 @@ class Aggregate:
         bonds: ArrayLike | None = None,
         radii: ArrayLike | None = None,
     ) -> Aggregate:
-        """An aggregate from positions (P, 3) [m] given by a user; `radii` (P,) [m] in a suspension of several.
+        """An aggregate from positions (P, 3) given by a user; `radii` (P,) in a suspension of several.
 
-        Without `bonds` (B, 2), pairs up to the pull-off gap count as contacts.  Raises `UserError` for positions that
-        are not finite, primaries that overlap by more than a contact can be compressed, or parts that do not touch.
+        Lengths are numbers in m, text with units, or quantities of pint.  Without `bonds` (B, 2), pairs up to the pull-off gap
+        count as contacts.  Raises `UserError` for positions that are not finite, primaries that overlap by more than a contact
+        can be compressed, bonds of primaries that are apart, or parts that do not touch.
         """
-        points = np.array(positions, dtype=float, ndmin=2)
-        if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
-            raise UserError(f"positions: expected an array (P, 3) in metres, found shape {points.shape}")
-        if not np.isfinite(points).all():
-            row = int(np.argwhere(~np.isfinite(points))[0, 0])
-            raise UserError(
-                f"positions: primary {row} is at {points[row]}, expected finite numbers in metres"
-            )
+        scene_at_door(scene)
+        points = si("positions", positions, LENGTH, (None, 3))
+        if not 1 <= len(points) <= MOST_PRIMARIES:
+            raise UserError(f"positions: found {len(points)} primaries, expected 1 to {MOST_PRIMARIES}")
         sizes, radius = radii_of(scene, radii, len(points)), scene.suspension.radius
         touching = 2.0 * radius if sizes is None else sizes[:, None] + sizes[None]
         gaps = np.linalg.norm(points[:, None] - points[None], axis=2) - touching
@@ -117,11 +116,8 @@ class Aggregate:
                 reduced = 2.0 * sizes[:, None] * sizes[None] / (touching * radius)
                 bonded[gaps <= reach * np.cbrt(reduced)] = True
         else:
-            pairs = np.asarray(bonds, int).reshape(-1, 2)
-            if pairs.size and (
-                pairs.min() < 0 or pairs.max() >= len(points) or (pairs[:, 0] == pairs[:, 1]).any()
-            ):
-                raise UserError(f"bonds: expected pairs of different numbers from 0 to {len(points) - 1}")
+            pairs = _pairs(bonds, len(points))
+            _refuse_apart(scene, points, sizes, pairs)
             bonded[pairs[:, 0], pairs[:, 1]] = bonded[pairs[:, 1], pairs[:, 0]] = True
         count, _ = connected_components(bonded)
         if count > 1:
@@ -130,6 +126,32 @@ class Aggregate:
                 "bring them into contact, or name the contacts as bonds"
             )
         return cls.from_contacts(points, bonded, radii=sizes)
+
+    @classmethod
+    def at_door(cls, scene: Scene, given: Aggregate | ArrayLike, name: str) -> Aggregate:
+        """The aggregate that a user gave: an `Aggregate` of this suspension, or positions (P, 3).
+
+        Raises `UserError` that starts with `name` for arrays that are not those of an aggregate of the scene.
+        """
+        try:
+            if not isinstance(given, Aggregate):
+                return cls.from_positions(scene, given)
+            points, bonds = np.asarray(given.positions), np.asarray(given.bonds)
+            if points.ndim != 2 or points.shape[1] != 3 or not len(points) or points.dtype != np.float64:
+                raise UserError(
+                    f"positions: expected floats (P, 3) in metres, found {points.dtype} of {points.shape}"
+                )
+            if not np.isfinite(points).all():
+                raise UserError("positions: found a number that is not finite")
+            pairs = _pairs(bonds, len(points))
+            sizes = radii_of(scene, given.radii, len(points))
+            _refuse_apart(scene, points, sizes, pairs)
+            springs = given.springs
+            if springs is not None and np.shape(springs) != (len(pairs), 7):
+                raise UserError(f"springs: expected shape ({len(pairs)}, 7), found {np.shape(springs)}")
+            return given
+        except UserError as problem:
+            raise UserError(f"aggregate {name}: {problem}") from None
 
     def contact_network(self) -> NDArray[np.bool_]:
         """Contacts as a symmetric matrix (P, P)."""
@@ -166,9 +188,9 @@ def radii_of(scene: Scene, radii: ArrayLike | None, count: int) -> NDArray[np.fl
         if len(species) == 1:
             return None
         raise UserError(f"radii: the suspension has several, {told}: give that of each primary")
-    given = np.asarray(radii, dtype=float)
+    given = si("radii", radii, LENGTH, (None,))
     if given.shape != (count,):
-        raise UserError(f"radii: expected one for each of {count} primaries, found shape {given.shape}")
+        raise UserError(f"radii: expected one for each of {count} primaries, found {len(given)}")
     nearest = np.abs(given[:, None] - species).argmin(axis=1)
     off = ~np.isclose(given, species[nearest], rtol=1e-6, atol=0.0)
     if off.any():
@@ -177,6 +199,51 @@ def radii_of(scene: Scene, radii: ArrayLike | None, count: int) -> NDArray[np.fl
             f"radii: primary {row} has {given[row]:g} m, expected {told.replace(' and ', ' or ')}"
         )
     return None if len(species) == 1 else species[nearest]
+
+
+MOST_PRIMARIES = 10_000
+"""Of an aggregate that a user gives: all its pairs are looked at."""
+APART = 0.1
+"""Gap in radii beyond which two primaries that are named as a contact cannot be one, unless they are so soft
+that they hold over twice the pull-off gap."""
+
+
+def _pairs(bonds: object, count: int) -> NDArray[np.int64]:
+    """Contacts (B, 2) named by a user among `count` primaries; raises `UserError`."""
+    try:
+        pairs = np.asarray(bonds)
+    except ValueError:
+        raise UserError("bonds: expected whole numbers (B, 2), two primaries for each contact") from None
+    if pairs.shape in ((0,), (0, 2)):
+        return np.zeros((0, 2), np.int64)
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
+        raise UserError(
+            f"bonds: expected whole numbers (B, 2), two primaries for each contact, found {pairs.dtype} of shape {pairs.shape}"
+        )
+    if pairs.min() < 0 or pairs.max() >= count or (pairs[:, 0] == pairs[:, 1]).any():
+        raise UserError(f"bonds: expected pairs of different numbers from 0 to {count - 1}")
+    return pairs.astype(np.int64)
+
+
+def _refuse_apart(
+    scene: Scene, points: NDArray[np.float64], sizes: NDArray[np.float64] | None, pairs: NDArray[np.int64]
+) -> None:
+    """Refuse contacts of primaries that do not touch; raises `UserError`."""
+    if not len(pairs):
+        return
+    radius = scene.suspension.radius
+    touching = 2.0 * radius if sizes is None else sizes[pairs].sum(axis=1)
+    gaps = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1) - touching
+    if gaps.max() <= APART * radius:
+        return
+    jkr = scene.effects.jkr
+    reach = 2.0 * jkr.kernel(scene).pull_off_gap if jkr is not None else 0.0  # of soft contacts beyond APART
+    if gaps.max() > reach * radius:
+        i, j = pairs[gaps.argmax()]
+        raise UserError(
+            f"bonds: primaries {i} and {j} are a gap of {gaps.max() / radius:.3g} radii apart, expected touching ones: bring "
+            "them into contact, or remove the bond (are the positions in metres?)"
+        )
 
 
 def overlap_limit(scene: Scene) -> float:

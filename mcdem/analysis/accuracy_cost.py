@@ -15,7 +15,6 @@ scene's step.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
@@ -32,7 +31,8 @@ from mcdem.encounter.capture_efficiency import Capture, fejer
 from mcdem.encounter.simulate import OUTCOMES, physics_of, simulate_encounter
 from mcdem.errors import UserError
 from mcdem.monte_carlo import executors
-from mcdem.monte_carlo.random_streams import stream
+from mcdem.netcdf.whole_files import FILES
+from mcdem.quantities.random_streams import stream
 from mcdem.scene import Scene
 
 REFERENCE = "reference"
@@ -50,7 +50,7 @@ class Setting:
 
     def of(self, scene: Scene) -> Scene:
         """The scene under this setting."""
-        return scene.with_changes(self.changes) if self.changes else scene
+        return scene.with_changes(self.changes, as_in_file=True) if self.changes else scene
 
 
 def level_changes(level: str) -> dict[str, Any]:
@@ -155,14 +155,29 @@ def draw_pairs(scene: Scene, runs: Sequence[Path | str], count: int, seed: int) 
 
 
 def young_population(
-    scene: Scene, events: int, workers: int, executor: Executor | None, folder: Path
+    scene: Scene,
+    events: int,
+    workers: int,
+    executor: Executor | None,
+    folder: Path,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Path:
     """A short run of the scene with two rotations an encounter, for aggregates to try the settings on."""
     from mcdem.monte_carlo.process import run
 
     path = folder / "young.nc"
     quick = scene.with_changes({"numerics.rotations": min(2.0, scene.numerics.rotations)})
-    run(quick, path, events=events, seed=scene.run.seed, workers=workers, executor=executor)
+    done = run(
+        quick,
+        path,
+        events=events,
+        seed=scene.run.seed,
+        workers=workers,
+        executor=executor,
+        progress=lambda now: progress(now.done),
+    )
+    if done.ended_by == "interruption":
+        raise KeyboardInterrupt
     return path
 
 
@@ -340,15 +355,16 @@ def sampled(
     for setting in settings:
         changed = setting.of(scene)
         # Compiled code and tables are not part of the price.
-        capture = pool.submit(efficiency, changed, rays)
+        capture = executors.submit(pool, efficiency, changed, rays)
         tasks = [
-            pool.submit(partial(follow, changed, seed), number, pair) for number, pair in enumerate(pairs)
+            executors.submit(pool, partial(follow, changed, seed), number, pair)
+            for number, pair in enumerate(pairs)
         ]
         samples = []
         for task in tasks:
-            samples.append(task.result())
+            samples.append(executors.result_of(task))
             progress(setting.name, len(samples), wanted)
-        eta = capture.result()
+        eta = executors.result_of(capture)
         progress(setting.name, wanted, wanted)
         yield setting, eta, samples
 
@@ -381,11 +397,14 @@ def sample_for(
     events: int,
     workers: int,
     executor: Executor | None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> list[Pair]:
-    """Pairs from the runs given, or from a young population made for the purpose."""
+    """Pairs from the runs given, or from a young population made for the purpose.
+
+    progress : called with the share of that run that is done
+    """
     if runs:
         return draw_pairs(scene, runs, count, seed)
-    with tempfile.TemporaryDirectory() as folder:
-        return draw_pairs(
-            scene, [young_population(scene, events, workers, executor, Path(folder))], count, seed
-        )
+    with FILES.scratch() as folder:
+        run = young_population(scene, events, workers, executor, folder, progress)
+        return draw_pairs(scene, [run], count, seed)

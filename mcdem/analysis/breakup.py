@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mcdem.analysis.statistics import share
+from mcdem.analysis.statistics import mean_limits, share
 
 Reading = Literal["paper", "strict", "own"]
 READINGS: tuple[Reading, ...] = ("paper", "strict", "own")
@@ -99,9 +99,10 @@ def breakups(
 def summarise(broken: xr.Dataset, reading: Reading, erosion_above: float = EROSION_ABOVE) -> dict[str, float]:
     """Means over the breakups of one reading; NaN of none.
 
-    ``P_br``, ``P_br_deviation`` (over the breakups), ``P_br_error`` (of the mean), the same of ``collider_size``,
+    ``P_br``, ``P_br_deviation`` (over the breakups; nan of one), ``P_br_error`` (such that P_br +- 2 P_br_error are its 95 %
+    limits; infinite of one), mean and deviation of ``collider_size``,
     ``largest_fragment``, ``fragments``, ``two_fragments`` (share), ``fragmentation_share`` (0.45 - 0.75 of the parent:
-    the paper's range), ``erosion_share`` with 95 % limits, and ``breakups`` (count).
+    the paper's range) and ``erosion_share``, each with 95 % limits, and ``breakups`` (count).
     """
     chosen = broken.isel(breakup=in_reading(broken, reading))
     count = chosen.sizes["breakup"]
@@ -110,7 +111,7 @@ def summarise(broken: xr.Dataset, reading: Reading, erosion_above: float = EROSI
         return float(chosen[name].mean()) if count else float("nan")
 
     def deviation(name: str) -> float:
-        return float(chosen[name].std()) if count else float("nan")
+        return float(chosen[name].std(ddof=1)) if count > 1 else float("nan")
 
     largest = chosen["largest_fragment"].values
     erosion = share(int(np.sum(largest >= erosion_above)), count)
@@ -120,12 +121,14 @@ def summarise(broken: xr.Dataset, reading: Reading, erosion_above: float = EROSI
         "breakups": count,
         "P_br": mean("parent_size"),
         "P_br_deviation": deviation("parent_size"),
-        "P_br_error": deviation("parent_size") / np.sqrt(count) if count else float("nan"),
+        "P_br_error": 0.5 * mean_limits(chosen["parent_size"].values)[1],
         "collider_size": mean("collider_size"),
         "collider_size_deviation": deviation("collider_size"),
         "largest_fragment": mean("largest_fragment"),
         "fragments": mean("fragments"),
         "two_fragments": two[0],
+        "two_fragments_low": two[1],
+        "two_fragments_high": two[2],
         "fragmentation_share": comparable[0],
         "fragmentation_share_low": comparable[1],
         "fragmentation_share_high": comparable[2],

@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.aggregates.morphology import Inertia, population_morphology
 from mcdem.analysis.breakup import Reading, breakups, summarise
-from mcdem.analysis.statistics import SteadyState, TimeAverage, find_steady_state, time_average
-from mcdem.errors import UserError
-from mcdem.monte_carlo.record import opened
+from mcdem.analysis.statistics import SteadyState, TimeAverage, find_steady_state, origins_of, time_average
+from mcdem.errors import DataFileError, UserError
+from mcdem.monte_carlo.record import EXPECTED, opened
+from mcdem.netcdf.whole_files import FILES
 from mcdem.scene import Scene
 
 FEW_BREAKUPS = 100
 """Below this many breakups a distribution's shape is noise: a share of 10 % is known to +- 6 %."""
+LARGEST_CHANGE_OF_WIDTH = 0.20
+"""As `statistics.LARGEST_CHANGE`, of sigma_P, which a few large aggregates decide and which scatters twice as much."""
 
 
 class Run:
@@ -34,13 +37,30 @@ class Run:
         self.path = Path(path)
         with opened(self.path):
             pass  # one of ours, and whole
-        with xr.open_dataset(self.path, decode_times=False) as root:
-            self.series, self.attributes = root.load(), dict(root.attrs)
-        with xr.open_dataset(self.path, group="events", decode_times=False) as group:
-            self.events = group.load()
-        with xr.open_dataset(self.path, group="snapshots", decode_times=False) as group:
-            self._snapshots = group.load()
-        self.scene = Scene.from_dataset(self.attributes["scene"], self.path)
+        with FILES.reading(self.path, EXPECTED):
+            with xr.open_dataset(self.path, decode_times=False) as root:
+                self.series, self.attributes = root.load(), dict(root.attrs)
+            with xr.open_dataset(self.path, group="events", decode_times=False) as group:
+                self.events = group.load()
+            with xr.open_dataset(self.path, group="snapshots", decode_times=False) as group:
+                self._snapshots = group.load()
+            self.scene = Scene.from_dataset(self.attributes["scene"], self.path)
+            self._check()
+
+    def _check(self) -> None:
+        """Rows that do not fit each other are damage that no checksum told (datasets of before have none)."""
+        s, events = self._snapshots, self.events
+        for counts, rows in (
+            (s["number_of_aggregates"], s.sizes["aggregate"]),
+            (s["size"], s.sizes["primary"]),
+            (s["number_of_bonds"], s.sizes["contact"]),
+            (events["number_of_products"], events.sizes["product"]),
+        ):
+            if (counts.values < 0).any() or counts.values.sum() != rows:
+                raise DataFileError(
+                    f"{self.path}: is damaged: {counts.name} counts {counts.values.sum()} rows, there are {rows}; "
+                    "restore it from a copy, or make it again"
+                )
 
     @property
     def radius(self) -> float:
@@ -75,8 +95,9 @@ class Run:
         """By the test of `statistics.STEADY_TEST`, on <P> and sigma_P."""
         return find_steady_state(
             self.time,
-            {"<P>": self.series["mean_size"].values, "sigma_P": self.series["size_deviation"].values},
+            {"⟨P⟩": self.series["mean_size"].values, "σ_P": self.series["size_deviation"].values},
             self.turnovers,
+            {"σ_P": LARGEST_CHANGE_OF_WIDTH},
         )
 
     @cached_property
@@ -188,6 +209,13 @@ class Run:
         """Indices of the snapshots of the steady stretch; at least the last one."""
         late = np.flatnonzero(self.snapshot_times >= self.steady.start)
         return late.tolist() or [len(self.snapshot_times) - 1]
+
+
+def origins(population: xr.Dataset) -> NDArray[np.intp]:
+    """(aggregate,) which aggregates of a population are copies of one another (`statistics.origins_of`)."""
+    return origins_of(
+        *(population[name].values for name in ("size", "bond_count", "radius_of_gyration", "outer_radius"))
+    )
 
 
 def pool(datasets: Iterable[xr.Dataset], dim: str) -> xr.Dataset:

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from mcdem.monte_carlo.expected_output import LARGE, MANY_SNAPSHOTS, VERY_LARGE, output_of
 from mcdem.quantities.linear_flows import gradient
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ def check(scene: Scene) -> list[Finding]:
         *_frozen_matrix(scene),
         *_dilution(scene),
         *_numerics(scene),
+        *_output(scene),
     ]
 
 
@@ -342,6 +344,18 @@ def _dilution(scene: Scene) -> Iterator[Finding]:
         )
     else:
         yield Finding(name, ratio, "warning", f"too crowded for binary encounters (above 1: {told})")
+
+
+def _output(scene: Scene) -> Iterator[Finding]:
+    """What the run will write, where that is much."""
+    output = output_of(scene)
+    if output is not None and output.large:
+        yield Finding(
+            "bytes of the dataset",
+            output.size,
+            "warning" if output.size > VERY_LARGE else "note",
+            f"{output.words} (a note from {LARGE:.0e} bytes or {MANY_SNAPSHOTS} snapshots on, a warning from {VERY_LARGE:.0e})",
+        )
 
 
 def _numerics(scene: Scene) -> Iterator[Finding]:

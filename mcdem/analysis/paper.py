@@ -70,6 +70,10 @@ TABLE_2 = np.array(
 )
 
 
+TABLE_2_STRESS = 750.0
+"""[Pa]"""
+
+
 def holds_for(scene: Scene, stress: float) -> bool:
     """Whether a scene has Table 1's suspension at a stress [Pa] for which the paper prints a number."""
     given = [scene.suspension.radius, scene.suspension.volume_fraction, scene.flow.shear_rate]

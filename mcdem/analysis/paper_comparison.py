@@ -1,4 +1,13 @@
-"""A run's numbers beside those that the paper prints."""
+"""A run's numbers beside those that the paper prints.
+
+Where the paper leaves open how a number was made, one convention is judged, the one that its own words are nearest to; what the
+others give is a row of sensitivity, which has no verdict.  Judged are
+
+- breakup as its section 2.1 defines it, two or more fragments after a collision, or a split without one; the parent is what the
+  colliders were together;
+- mass against size as Eq. 26 writes it, P as a function of the length: ln P on ln length;
+- ellipsoids of Eq. 27 by points at the primaries' centres, as its Table 2 has them (`mcdem.aggregates.morphology`).
+"""
 
 from __future__ import annotations
 
@@ -12,14 +21,24 @@ from scipy import stats
 
 from mcdem.analysis import paper
 from mcdem.analysis.breakup import EROSION_ABOVE, Reading, in_reading
-from mcdem.analysis.dataset import FEW_BREAKUPS, Run, pool, pooled_breakups
-from mcdem.analysis.statistics import Given, fit_mass_size, fit_power_law, share
+from mcdem.analysis.dataset import FEW_BREAKUPS, Run, origins, pool, pooled_breakups
+from mcdem.analysis.statistics import (
+    OF_MEANS,
+    Given,
+    count_limits,
+    fit_mass_size,
+    fit_power_law,
+    mean_limits,
+    share,
+    share_of_origins,
+)
 from mcdem.encounter.capture_efficiency import initial_growth
 from mcdem.figures.growth import van_de_ven_mason
 
 RULE = (
     "agrees: the paper's value, with half a unit of its last digit, or its range, meets this run's 95 % limits; "
-    "for a bound, the limits reach it; of mass-size fits the limits are those of single snapshots, as the paper's is one"
+    "for a bound, the limits reach it; of mass-size fits the limits are those of single snapshots, as the paper's is one; "
+    "sensitivity: another convention than the one that is judged"
 )
 
 
@@ -28,6 +47,10 @@ READING_WORDS: dict[Reading, str] = {
     "strict": "strict reading",
     "own": "each aggregate for itself",
 }
+JUDGED_READING: Reading = "paper"
+JUDGED_REGRESSION: Given = "length"
+SIGNIFICANT = 0.10
+"""A share of aggregates that may be called significant: the paper's own smallest that it remarks on, that of erosion."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +69,19 @@ class Row:
     """aggregates, encounters or breakups behind the number"""
     unsettled: bool = False
     """whether it is to hold at steady state, and the runs are not there"""
+    sensitivity: bool = False
+    """whether it is what another convention gives, and not judged"""
 
     @property
     def agrees(self) -> bool | None:
-        """None where there is too little to say: no steady state, no number, or limits that meet because they are wide,
-        by more than twice the value.
+        """None where it is not judged or there is too little to say: no steady state, no number, or limits that meet because
+        they are wide, by more than twice the value.
         """
-        if self.unsettled or not np.isfinite([self.measured, self.measured_low, self.measured_high]).all():
+        if (
+            self.sensitivity
+            or self.unsettled
+            or not np.isfinite([self.measured, self.measured_low, self.measured_high]).all()
+        ):
             return None
         meet = self.measured_low <= self.high and self.measured_high >= self.low
         return None if meet and self.measured_high - self.measured_low > 2 * abs(self.measured) else meet
@@ -92,57 +121,57 @@ def _efficiency(runs: Sequence[Run]) -> Row:
     )
 
 
-def _slope(runs: Sequence[Run], low: float, high: float) -> tuple[float, float, int]:
-    """d<P>/dt [1/s] while <P> grows from `low` to `high`, its standard error, and the aggregations that it took.
-
-    Aggregations are counted as independent: their number's Poisson scatter is the error.
+def _slope(runs: Sequence[Run], low: float, high: float) -> tuple[float, int]:
+    """d<P>/dt [1/s] while <P> grows from `low` to `high`, and the aggregations that it took, whose number's Poisson scatter is
+    its error.
     """
     slopes, events = [], 0
     for run in runs:
         size = run.series["mean_size"].values
         reached = [np.flatnonzero(size >= level) for level in (low, high)]
         if not all(len(rows) for rows in reached):
-            return np.nan, np.nan, 0
+            return np.nan, 0
         begun, ended = (int(rows[0]) for rows in reached)
         rise, time = size[ended] - size[begun], run.time[ended] - run.time[begun]
         slopes.append(rise / time if time > 0.0 else np.nan)
         events += int((run.outcome[begun:ended] == "aggregation").sum())
-    slope = float(np.mean(slopes))
-    return slope, slope / np.sqrt(max(events, 1)), events
+    return float(np.mean(slopes)), events
 
 
 def _growth(runs: Sequence[Run], stress: float) -> Iterator[Row]:
     """The start of <P>(t) against Eq. 22, and whether growth accelerates."""
     law = initial_growth(runs[0].scene, van_de_ven_mason(runs[0]))
-    start, error, events = _slope(runs, 1.0, 1.25)
+    start, events = _slope(runs, 1.0, 1.25)
+    few, many = (float(limit) / events if events else np.nan for limit in count_limits(events))
     yield Row(
         "d⟨P⟩/dt at the start [1/s] (Eqs. 22, 23)",
         f"{law:.4f}",
         0.995 * law,
         1.005 * law,
-        *_around(start, 2.0 * error),
+        start,
+        start * few,
+        start * many,
         events,
     )
-    early, e_early, n_early = _slope(runs, 1.0, 2.0)
-    later, e_later, n_later = _slope(runs, 2.0, 4.0)
+    early, n_early = _slope(runs, 1.0, 2.0)
+    later, n_later = _slope(runs, 2.0, 4.0)
     ratio = later / early
-    error = 2.0 * ratio * np.hypot(e_early / early, e_later / later)
+    # of a ratio of two counts the logarithm is nearly normal
+    factor = float(np.exp(1.96 * np.sqrt(1.0 / n_early + 1.0 / n_later))) if n_early and n_later else np.nan
     accelerated = paper.ACCELERATED[stress]
     yield Row(
         "growth from ⟨P⟩ = 2 to 4 over growth from 1 to 2",
         "accelerated" if accelerated else "not accelerated",
         *((1.1, np.inf) if accelerated else (0.0, 1.1)),
-        *_around(ratio, error),
+        ratio,
+        ratio / factor,
+        ratio * factor,
         n_early + n_later,
     )
 
 
 def _around(value: float, error: float) -> tuple[float, float, float]:
     return value, value - error, value + error
-
-
-MONOMERS_SIGNIFICANT = 0.05
-"""A share of isolated primaries that may be called significant: this reading is ours."""
 
 
 def _every_population(runs: Sequence[Run]) -> Iterator[Row]:
@@ -157,6 +186,7 @@ def _every_population(runs: Sequence[Run]) -> Iterator[Row]:
         )
     ratio = float(scatter[1] / scatter[0])
     rows = sum(len(run.time) for run in runs)
+    yield from _printed_clusters(runs)
     # A standard deviation over a stretch with few independent moments: its error is that of some ten of them.
     yield Row(
         "scatter of d_32 over that of ⟨P⟩, both relative",
@@ -171,7 +201,7 @@ def _every_population(runs: Sequence[Run]) -> Iterator[Row]:
     yield Row(
         "share of isolated primaries among aggregates",
         "significant",
-        MONOMERS_SIGNIFICANT,
+        SIGNIFICANT,
         1.0,
         *share(int((size == 1).sum()), len(size)),
         len(size),
@@ -186,20 +216,19 @@ def _every_population(runs: Sequence[Run]) -> Iterator[Row]:
         *_around(skewness, 2.0 * np.sqrt(6.0 / max(len(np.unique(size)), 1))),
         len(logarithm),
     )
+    origin = origins(found)
     large = size > 15
     if large.any():
         n_c = found["coordination_number"].values
-        inside = share(int(((n_c[large] >= 5) & (n_c[large] <= 6)).sum()), int(large.sum()))
-        yield Row("share with n_c between 5 and 6, P > 15", "all", 0.99, 1.0, *inside, int(large.sum()))
+        inside = share_of_origins((n_c[large] >= 5) & (n_c[large] <= 6), origin[large])
+        yield Row("share with n_c between 5 and 6, P > 15", "all", 0.99, 1.0, *inside)
     settled = size > 3
     bonds = found["bond_count"].values
-    isostatic = int((settled & (bonds == 3 * size - 6)).sum())
     yield Row(
         "share with 3P - 6 bonds, P > 3 (Table 2: 8 of 10)",
         "0.80",
         *share(8, 10)[1:],
-        *share(isostatic, int(settled.sum())),
-        int(settled.sum()),
+        *share_of_origins((bonds == 3 * size - 6)[settled], origin[settled]),
     )
     broken = pooled_breakups(runs, "paper")
     level = float(np.mean([average.mean for average in mean]))
@@ -211,6 +240,33 @@ def _every_population(runs: Sequence[Run]) -> Iterator[Row]:
         *_around(broken["P_br"] / level, 2.0 * broken["P_br_error"] / level),
         int(broken["breakups"]),
     )
+
+
+FEWEST_SHOWN = 8
+"""Of fewer clusters than these a mean size is told but not judged."""
+
+
+def _printed_clusters(runs: Sequence[Run]) -> Iterator[Row]:
+    """Mean size of the clusters that the paper shows of a steady population, beside that of ours: they may have been chosen."""
+    mean = [run.average("mean_size") for run in runs]
+    level = float(np.mean([average.mean for average in mean]))
+    error = float(np.sqrt(np.sum(np.square([average.error for average in mean])))) / len(runs)
+    shown = {
+        "Fig. 10": [size for stress, size, _ in paper.CLUSTERS if np.isclose(stress, runs[0].stress)],
+        "Table 2": paper.TABLE_2[:, 0].tolist() if np.isclose(runs[0].stress, paper.TABLE_2_STRESS) else [],
+    }
+    for where, sizes in shown.items():
+        if sizes:
+            printed, reach = mean_limits(sizes)
+            yield Row(
+                f"mean size, of ours all, of the paper's the {len(sizes)} clusters of {where}, perhaps chosen",
+                f"{printed:.1f}",
+                printed - reach,
+                printed + reach,
+                *_around(level, 2.0 * error),
+                sum(len(run.time) for run in runs),
+                sensitivity=len(sizes) < FEWEST_SHOWN,
+            )
 
 
 FEWEST_CLUSTERS = 30
@@ -226,13 +282,14 @@ def _early_shapes(runs: Sequence[Run]) -> Iterator[Row]:
             break
     else:
         return
+    origin = origins(pooled)
     for name, symbol, length in (
         ("gyration", "d_g", "radius_of_gyration"),
         ("outer", "d_o", "outer_radius"),
     ):
         printed = paper.EXPONENT_RANGES[name][0]
         for given, words in REGRESSIONS.items():
-            fit = fit_mass_size(pooled["size"], pooled[length], runs[0].radius, given)
+            fit = fit_mass_size(pooled["size"], pooled[length], runs[0].radius, given, origin)
             limits = (fit.exponent, fit.exponent_low, fit.exponent_high) if fit else (np.nan,) * 3
             yield Row(
                 f"{symbol} of the first clusters, P > 3, {words}",
@@ -241,10 +298,11 @@ def _early_shapes(runs: Sequence[Run]) -> Iterator[Row]:
                 printed + 0.1,
                 *limits,
                 int((pooled["size"] > 3).sum()),
+                sensitivity=given != JUDGED_REGRESSION,
             )
 
 
-REGRESSIONS: dict[Given, str] = {"size": "length on P", "length": "P on length"}
+REGRESSIONS: dict[Given, str] = {"length": "P on length", "size": "length on P"}
 
 
 def _population(runs: Sequence[Run]) -> Iterator[Row]:
@@ -314,11 +372,11 @@ def _shapes(runs: Sequence[Run]) -> Iterator[Row]:
 
     def fitted(length: str, given: Given, value: str) -> tuple[float, float, float]:
         def of(population: xr.Dataset) -> float:
-            fit = fit_mass_size(population["size"], population[length], a, given)
+            fit = fit_mass_size(population["size"], population[length], a, given, origins(population))
             return float(getattr(fit, value)) if fit else float("nan")
 
         over = _over_snapshots(late, of)
-        fit = fit_mass_size(found["size"], found[length], a, given)
+        fit = fit_mass_size(found["size"], found[length], a, given, origins(found))
         if np.isfinite(over[0]) or fit is None:
             return over
         return getattr(fit, value), getattr(fit, f"{value}_low"), getattr(fit, f"{value}_high")
@@ -330,16 +388,24 @@ def _shapes(runs: Sequence[Run]) -> Iterator[Row]:
             ("k_g", "3.34", 3.335, 3.345, "radius_of_gyration", "prefactor"),
             ("d_o", "1.5 to 1.6", 1.5, 1.6, "outer_radius", "exponent"),
         ):
-            yield Row(f"{symbol}, P > 3, {words}", printed, low, high, *fitted(length, given, value), count)
+            yield Row(
+                f"{symbol}, P > 3, {words}",
+                printed,
+                low,
+                high,
+                *fitted(length, given, value),
+                count,
+                sensitivity=given != JUDGED_REGRESSION,
+            )
 
     size, ratio = found["size"].values, found["aspect_ratio"].values
-    shaped = size > 2
+    shaped, origin = size > 2, origins(found)
     low, high = paper.SLIGHTLY_ELONGATED
-    most = share(int((shaped & (ratio > low) & (ratio < high)).sum()), int(shaped.sum()))
-    yield Row("share with 1.25 < A.R. < 2.00, P > 2", "most", 0.5, 1.0, *most, int(shaped.sum()))
-    rods = share(int((shaped & (ratio > paper.RODS_ABOVE)).sum()), int(shaped.sum()))
-    yield Row("share with A.R. > 2.50, P > 2", "significant", RODS_SIGNIFICANT, 1.0, *rods, int(shaped.sum()))
-    yield from _aspect_ratios(size[size > 3], ratio[size > 3])
+    most = share_of_origins(((ratio > low) & (ratio < high))[shaped], origin[shaped])
+    yield Row("share with 1.25 < A.R. < 2.00, P > 2", "most", 0.5, 1.0, *most)
+    rods = share_of_origins((ratio > paper.RODS_ABOVE)[shaped], origin[shaped])
+    yield Row("share with A.R. > 2.50, P > 2", "significant", SIGNIFICANT, 1.0, *rods)
+    yield from _aspect_ratios(size[size > 3], ratio[size > 3], origin[size > 3])
     solid = pool([run.population(-1, "spheres", rigidity=False) for run in runs], "aggregate")
     flat, falling = ("independent of size", -0.15, 0.15), ("falls with size", -np.inf, -0.15)
     for words, of, shape, (printed, low, high) in (
@@ -348,7 +414,7 @@ def _shapes(runs: Sequence[Run]) -> Iterator[Row]:
         ("the sphere", found, "sphere", falling),
     ):
         some = of["size"].values > 3
-        law = fit_power_law(of["size"].values[some], of[f"solid_fraction_{shape}"].values[some])
+        law = fit_power_law(of["size"].values[some], of[f"solid_fraction_{shape}"].values[some], origin[some])
         limits = (law.exponent, law.exponent_low, law.exponent_high) if law else (np.nan,) * 3
         yield Row(
             f"exponent of the solid fraction in {words} against P",
@@ -357,15 +423,16 @@ def _shapes(runs: Sequence[Run]) -> Iterator[Row]:
             high,
             *limits,
             int(some.sum()),
+            sensitivity=of is solid,
         )
 
 
-RODS_SIGNIFICANT = 0.05
-"""A share of rods that may be called significant: this reading is ours."""
-
-
-def _aspect_ratios(size: NDArray[np.integer], ratio: NDArray[np.float64]) -> Iterator[Row]:
-    """The smallest A.R., and how the largest grows with size: quantiles over thirds of the sizes, limits by bootstrap."""
+def _aspect_ratios(
+    size: NDArray[np.integer], ratio: NDArray[np.float64], origin: NDArray[np.integer]
+) -> Iterator[Row]:
+    """The smallest A.R., and how the largest grows with size: quantiles over thirds of the sizes, limits by bootstrap over
+    origins.
+    """
     thirds = np.array_split(np.argsort(size, kind="stable"), 3)
     if len(size) < 30:
         return
@@ -374,7 +441,14 @@ def _aspect_ratios(size: NDArray[np.integer], ratio: NDArray[np.float64]) -> Ite
     def edges(rows: NDArray[np.integer]) -> tuple[float, float]:
         return float(np.quantile(ratio[rows], 0.02)), float(np.quantile(ratio[rows], 0.95))
 
-    drawn = [[edges(rng.choice(rows, len(rows))) for rows in thirds] for _ in range(200)]
+    def clusters(rows: NDArray[np.integer]) -> list[NDArray[np.integer]]:
+        return [rows[origin[rows] == label] for label in np.unique(origin[rows])]
+
+    by_third = [clusters(rows) for rows in thirds]
+    drawn = [
+        [edges(np.concatenate([of[k] for k in rng.integers(0, len(of), len(of))])) for of in by_third]
+        for _ in range(200)
+    ]
     low, high = np.array(drawn).transpose(2, 0, 1)
     smallest = low[:, [0, 2]].min(axis=1)
     middle, bottom, top = (float(v) for v in np.quantile(smallest, [0.5, 0.025, 0.975]))
@@ -405,15 +479,26 @@ def _aspect_ratios(size: NDArray[np.integer], ratio: NDArray[np.float64]) -> Ite
 def _breakups(runs: Sequence[Run]) -> Iterator[Row]:
     broken = pool([run.late_breakups for run in runs], "breakup")
     for reading, words in READING_WORDS.items():
+        other = reading != JUDGED_READING
         largest = broken["largest_fragment"].values[in_reading(broken, reading)]
         count = len(largest)
         comparable = share(int(((largest >= 0.45) & (largest <= 0.75)).sum()), count)
         erosion = share(int((largest >= EROSION_ABOVE).sum()), count)
         histogram = np.histogram(largest, np.linspace(0, 1, 11))[0]
         # where a histogram of a few has its peak is chance
-        peak = 0.1 * float(histogram.argmax()) + 0.05 if count >= FEW_BREAKUPS else float("nan")
+        likeliest = (np.nan, np.nan, np.nan)
+        if count >= FEW_BREAKUPS:
+            drawn = np.random.default_rng(0).multinomial(count, histogram / count, 1000).argmax(axis=1)
+            first, last = np.quantile(drawn, [0.025, 0.975], method="nearest")
+            likeliest = (0.1 * float(histogram.argmax()) + 0.05, 0.1 * float(first), 0.1 * float(last) + 0.1)
         yield Row(
-            f"largest fragment 0.45 to 0.75 of the parent, {words}", "> 0.80", 0.8, 1.0, *comparable, count
+            f"largest fragment 0.45 to 0.75 of the parent, {words}",
+            "> 0.80",
+            0.8,
+            1.0,
+            *comparable,
+            count,
+            sensitivity=other,
         )
         low, high = paper.EROSION_PEAK
         at_peak = int(((largest >= low) & (largest <= high)).sum())
@@ -427,10 +512,25 @@ def _breakups(runs: Sequence[Run]) -> Iterator[Row]:
             1.0,
             *share(at_peak, at_peak + beside),
             at_peak + beside,
+            sensitivity=other,
         )
-        yield Row(f"erosion's share of breakups, {words}", "about 0.10", 0.05, 0.15, *erosion, count)
         yield Row(
-            f"likeliest largest fragment, {words}", "0.60", 0.55, 0.65, peak, peak - 0.05, peak + 0.05, count
+            f"erosion's share of breakups, {words}",
+            "about 0.10",
+            0.05,
+            0.15,
+            *erosion,
+            count,
+            sensitivity=other,
+        )
+        yield Row(
+            f"likeliest largest fragment, {words}",
+            "0.60",
+            0.55,
+            0.65,
+            *likeliest,
+            count,
+            sensitivity=other,
         )
 
 
@@ -439,14 +539,19 @@ def breakup_exponents(groups: dict[float, list[Run]]) -> list[Row]:
     if len(groups) < 3:
         return []
     stress = np.array(list(groups))
-    series = {"⟨P⟩": np.array([np.mean([r.average("mean_size").mean for r in g]) for g in groups.values()])}
+    series: dict[tuple[str, bool], NDArray[np.float64]] = {}
+    series["⟨P⟩", False] = np.array(
+        [np.mean([r.average("mean_size").mean for r in g]) for g in groups.values()]
+    )
     for reading, words in READING_WORDS.items():
         numbers = [pooled_breakups(g, reading) for g in groups.values()]
-        series[f"P_br, {words}"] = np.array([n["P_br"] for n in numbers])
+        series[f"P_br, {words}", reading != JUDGED_READING] = np.array([n["P_br"] for n in numbers])
     rows = []
-    for name, values in series.items():
+    for (name, other), values in series.items():
         known = np.isfinite(values)
-        fit = fit_power_law(stress[known], values[known]) if known.sum() >= 3 else None
+        fit = fit_power_law(stress[known], values[known], minimum=OF_MEANS) if known.any() else None
         q = (-fit.exponent, -fit.exponent_high, -fit.exponent_low) if fit else (np.nan, np.nan, np.nan)
-        rows.append(Row(f"breakup exponent q of {name}", "2.0", 1.95, 2.05, *q, int(known.sum())))
+        rows.append(
+            Row(f"breakup exponent q of {name}", "2.0", 1.95, 2.05, *q, int(known.sum()), sensitivity=other)
+        )
     return rows

@@ -5,14 +5,31 @@ Each imports its machinery when it runs, so that `mcdem --help` answers at once.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 from pydantic_core import PydanticCustomError
 
+from mcdem.arguments import MOST_EVENTS
 from mcdem.errors import UserError
-from mcdem.quantities.units import Quantity
+from mcdem.quantities.random_streams import LARGEST_SEED
+from mcdem.quantities.units import Quantity, shown
+
+__all__ = [
+    "LARGEST_SEED",
+    "MOST_EVENTS",
+    "MOST_SAMPLED",
+    "Dataset",
+    "SampledRuns",
+    "SceneFile",
+    "finite",
+    "read_quantity",
+]
+
+MOST_SAMPLED = 10**6
+"""Encounters of a sample, or of a design."""
 
 SceneFile = Annotated[
     Path, typer.Argument(metavar="SCENE", help="Scene file (TOML); `mcdem describe` lists its keys.")
@@ -33,14 +50,21 @@ SampledRuns = Annotated[
 def read_quantity(option: str, given: str, quantity: Quantity) -> float:
     """SI value of an option's text with a unit; raises `UserError` that names the option."""
     try:
-        return quantity.to_si(given)
+        return quantity.to_si(given, bare=False)
     except PydanticCustomError as problem:
-        raise UserError(f'{option} "{given}" {problem.message()}') from None
+        raise UserError(f"{option} {shown(given)} {problem.message()}") from None
 
 
-def refuse_existing(output: Path, *, overwrite: bool) -> None:
-    """Raise `UserError` where writing `output` would destroy a file or cannot succeed."""
-    if output.is_file() and not overwrite:
-        raise UserError(f"{output} exists; give another name, or --overwrite to replace it")
-    if not output.absolute().parent.is_dir():
-        raise UserError(f"{output}: there is no folder {output.parent}; make it, or name another")
+def finite(value: float | None) -> float | None:
+    """A callback of options that are numbers: typer's bounds let nan and inf pass."""
+    if value is not None and not math.isfinite(value):
+        raise typer.BadParameter(f"{value} is not a finite number")
+    return value
+
+
+def end_early(problem: BaseException, files: str, done: int, wanted: int) -> NoReturn:
+    """End a comparison of settings that was cut off, by the user or by a failure, after it wrote what it had."""
+    words = f"{files} hold {done} of {wanted} settings; given again with --overwrite the command begins anew"
+    if isinstance(problem, KeyboardInterrupt):
+        raise KeyboardInterrupt(words) from None
+    raise UserError(f"{problem}; {words}") from None

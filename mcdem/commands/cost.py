@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcdem.commands import SampledRuns, SceneFile
-from mcdem.errors import UserError
+from mcdem.commands import LARGEST_SEED, MOST_SAMPLED, SampledRuns, SceneFile, finite
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,15 +34,17 @@ def cost(
         ),
     ] = None,
     encounters: Annotated[
-        int | None, typer.Option(min=2, help="In the sample; default 100, or 12 with --quick.")
+        int | None,
+        typer.Option(min=2, max=MOST_SAMPLED, help="In the sample; default 100, or 12 with --quick."),
     ] = None,
     error: Annotated[
-        float, typer.Option(min=0.0, help="Wanted error, for which the cheapest setting is named.")
+        float,
+        typer.Option(min=0.0, callback=finite, help="Wanted error, for which the cheapest setting is named."),
     ] = 0.05,
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer settings and encounters: a first look.")
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of the sample.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Of the sample.")] = 0,
     workers: Annotated[int | None, typer.Option(min=1, help="How many compute encounters.")] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace FIGURE and its table if they exist.")
@@ -57,31 +59,42 @@ def cost(
     from rich.progress import Progress
 
     from mcdem.analysis.accuracy_cost import cheapest, measure, sample_for, settings_of
-    from mcdem.commands import refuse_existing
+    from mcdem.commands import end_early
+    from mcdem.commands.progress import NowAndThen
     from mcdem.figures.cost import draw_front
     from mcdem.monte_carlo import executors
+    from mcdem.monte_carlo.executors import EngineError
+    from mcdem.netcdf.whole_files import COST, FILES
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
     loaded.require_one_radius("the reference of a setting is eta_11, of two equal primaries")
     figure = output or Path(f"{loaded.name}.cost.png")
     table = figure.with_suffix(".csv")
-    for path in (figure, table):
-        refuse_existing(path, overwrite=overwrite)
+    FILES.check_picture(figure, overwrite=overwrite)
+    FILES.check(table, COST, overwrite=overwrite)
     settings = settings_of(loaded, quick=quick)
     count = encounters or (12 if quick else 100)
     console = Console(stderr=True)
     prices: list[Price] = []
+    cut_off: BaseException | None = None
     with (
         executors.opened("process", workers) as crew,
         Progress(console=console, disable=not console.is_terminal) as bar,
     ):
         task = bar.add_task("aggregates to try on", total=len(settings) * (count + 1))
+        tell = NowAndThen(console)
+
+        def young(share: float) -> None:
+            bar.update(task, description=f"aggregates to try on: {share:.0%}")
+            tell(f"aggregates to try on: {share:.0%}")
+
         pairs = sample_for(
-            loaded, runs or [], count, seed, 600 if quick else 4000, crew.workers, crew.executor
+            loaded, runs or [], count, seed, 600 if quick else 4000, crew.workers, crew.executor, young
         )
 
         def show(name: str, done: int, wanted: int) -> None:
+            tell(f"{name}: {done} of {wanted}")
             bar.update(task, description=name, completed=len(prices) * wanted + done)
 
         try:
@@ -97,10 +110,10 @@ def cost(
                 prices.append(found)
                 if not console.is_terminal:
                     console.print(f"{found.setting.name}: {1e3 * found.cpu_time:.1f} ms", highlight=False)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, EngineError) as problem:
             if len(prices) < 2:
                 raise
-            console.print("interrupted: what was measured until now follows")
+            cut_off = problem
     terminal = Console(highlight=False)
     out = terminal if terminal.is_terminal else Console(highlight=False, width=WIDTH)
     out.print(told(prices, count))
@@ -119,6 +132,8 @@ def cost(
             f"{prices[0].cpu_time / best.cpu_time:.1f} times less than the reference."
         )
     out.print(f"{figure} and {table} written")
+    if cut_off is not None:
+        end_early(cut_off, f"{figure} and {table}", len(prices), len(settings))
 
 
 def told(prices: Sequence[Price], count: int):
@@ -150,14 +165,13 @@ def told(prices: Sequence[Price], count: int):
 def write(prices: Sequence[Price], path: Path) -> None:
     """The same as a file."""
     from mcdem.analysis.accuracy_cost import QUANTITIES
+    from mcdem.netcdf.whole_files import COST, FILES
 
-    try:
-        with path.open("w", newline="") as file:
-            rows = csv.writer(file)
-            names = [name for q in QUANTITIES for name in (f"error_{q}", f"standard_error_{q}")]
-            rows.writerow(["setting", "knob", "cpu_time_s", "steps", "other_outcome", *names])
-            for p in prices:
-                values = [v for pair in zip(p.error, p.deviation, strict=True) for v in pair]
-                rows.writerow([p.setting.name, p.setting.knob, p.cpu_time, p.steps, p.differing, *values])
-    except OSError as problem:
-        raise UserError(f"{path}: cannot be written ({problem.strerror})") from None
+    text = io.StringIO()
+    rows = csv.writer(text)
+    names = [name for q in QUANTITIES for name in (f"error_{q}", f"standard_error_{q}")]
+    rows.writerow(["setting", "knob", "cpu_time_s", "steps", "other_outcome", *names])
+    for p in prices:
+        values = [v for pair in zip(p.error, p.deviation, strict=True) for v in pair]
+        rows.writerow([p.setting.name, p.setting.knob, p.cpu_time, p.steps, p.differing, *values])
+    FILES.write(path, COST, text.getvalue())

@@ -8,8 +8,11 @@ import typer
 
 from mcdem.commands import SceneFile
 from mcdem.errors import UserError
+from mcdem.quantities.units import shown
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mcdem.encounter.capture_efficiency import PairEfficiency
     from mcdem.scene import Scene
 
@@ -37,18 +40,24 @@ def efficiency(
 
     from rich.console import Console
 
+    from mcdem.commands.progress import Steady
     from mcdem.encounter.capture_efficiency import critical_offset, pair_efficiency
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
     console = Console(highlight=False)
-    found = pair_efficiency(loaded)
+    with Steady("eta_11") as tell:
+        found = pair_efficiency(loaded, progress=tell)
     for line in told(loaded, found, critical_offset(loaded, 0.0)):
         console.print(line)
     if steps:
-        console.print(against_steps(loaded))
+        with Steady("eta_11 against the step") as tell:
+            table = against_steps(loaded, tell)
+        console.print(table)
     if cutoffs:
-        console.print(against_cutoff(loaded, cutoffs))
+        with Steady("eta_11 against the cut-off") as tell:
+            table = against_cutoff(loaded, cutoffs, tell)
+        console.print(table)
 
 
 def read_cutoffs(given: str) -> list[float]:
@@ -56,9 +65,11 @@ def read_cutoffs(given: str) -> list[float]:
     try:
         values = [float(part) for part in given.split(",")]
     except ValueError:
-        raise UserError(f'--cutoff "{given}": expected numbers between commas, such as 0,1e-3,5e-3') from None
+        raise UserError(
+            f"--cutoff {shown(given)}: expected numbers between commas, such as 0,1e-3,5e-3"
+        ) from None
     if not all(0.0 <= value < 1.0 for value in values):
-        raise UserError(f'--cutoff "{given}": expected gaps over the radius, from 0 to below 1')
+        raise UserError(f"--cutoff {shown(given)}: expected gaps over the radius, from 0 to below 1")
     return values
 
 
@@ -85,7 +96,7 @@ def told(scene: Scene, found: PairEfficiency, offset: float) -> list[str]:
     return lines
 
 
-def against_steps(scene: Scene):
+def against_steps(scene: Scene, progress: Callable[[str, float], None]):
     """eta_11 and y_c(0) for several steps."""
     from rich.table import Table
 
@@ -98,7 +109,7 @@ def against_steps(scene: Scene):
         numerics = scene.numerics.with_step(factor * step)
         changed = scene.model_copy(update={"numerics": numerics})
         row = (
-            pair_efficiency(changed).efficiency,
+            pair_efficiency(changed, progress=progress).efficiency,
             critical_offset(changed, 0.0) / scene.suspension.radius,
         )
         changes = [f"{new / old - 1.0:+.2%}" for new, old in zip(row, before)] if before else ["", ""]
@@ -108,7 +119,7 @@ def against_steps(scene: Scene):
     return table
 
 
-def against_cutoff(scene: Scene, cutoffs: list[float]):
+def against_cutoff(scene: Scene, cutoffs: list[float], progress: Callable[[str, float], None]):
     """eta_11 for several cut-offs and both readings of what lies below them."""
     from rich.table import Table
 
@@ -129,7 +140,8 @@ def against_cutoff(scene: Scene, cutoffs: list[float]):
             hydrodynamics = scene.hydrodynamics.model_copy(
                 update={"lubrication_cutoff": delta, "cutoff_convention": reading}
             )
-            found = pair_efficiency(scene.model_copy(update={"hydrodynamics": hydrodynamics}))
+            changed = scene.model_copy(update={"hydrodynamics": hydrodynamics})
+            found = pair_efficiency(changed, progress=progress)
             cells += [f"{found.efficiency:.5f} +- {found.error:.5f}", f"{found.efficiency / law:.3f}"]
         table.add_row(f"{delta:g}", *cells)
     return table

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mcdem.commands import SceneFile, read_quantity, refuse_existing
+from mcdem.commands import LARGEST_SEED, SceneFile, finite, read_quantity
 from mcdem.errors import UserError
-from mcdem.quantities.units import LENGTH
+from mcdem.quantities.units import LENGTH, shown
 
 if TYPE_CHECKING:
     from mcdem.aggregates.aggregate import Aggregate
-    from mcdem.encounter.simulate import EncounterResult
+    from mcdem.encounter.simulate import EncounterResult, Recorder
     from mcdem.scene import Scene
 
 AGGREGATE = (
@@ -37,7 +38,9 @@ def encounter(
             help='Offset of j along vorticity and gradient, such as "0 nm" "300 nm"; drawn if absent.',
         ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the orientations and the offset.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the orientations and the offset.")
+    ] = None,
     film: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Film to make (mp4, gif): spheres, and bonds by tension."),
@@ -49,7 +52,9 @@ def encounter(
             help="Trajectory to write: NetCDF in the AMBER convention (nc), extended XYZ (xyz), or a folder of VTK files.",
         ),
     ] = None,
-    every: Annotated[float, typer.Option(min=1e-3, help="Strain between two frames of either.")] = 0.2,
+    every: Annotated[
+        float, typer.Option(min=1e-3, max=1e6, callback=finite, help="Strain between two frames of either.")
+    ] = 0.2,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
 ) -> None:
     """Follow one encounter of two aggregates and tell what came of it."""
@@ -63,16 +68,22 @@ def encounter(
     )
     parents = aggregate_of(loaded, "--first", first), aggregate_of(loaded, "--second", second)
 
-    for file in (film, trajectory):
-        if file is not None:
-            refuse_existing(file, overwrite=overwrite)
+    if film is not None:
+        from mcdem.figures.film import check as check_film
+        from mcdem.figures.film import require_writer
 
-    from mcdem.encounter.simulate import Recorder, simulate_encounter
+        require_writer(film)
+        check_film(film, overwrite=overwrite)
+    if trajectory is not None:
+        from mcdem.encounter.trajectory import check as check_trajectory
+
+        check_trajectory(trajectory, overwrite=overwrite)
+
+    from mcdem.encounter.simulate import Recorder
 
     recorder = Recorder(interval=every) if film or trajectory else None
-    result = simulate_encounter(
-        loaded, *parents, offset=place, seed=loaded.run.seed if seed is None else seed, record=recorder
-    )
+    chosen = loaded.run.seed if seed is None else seed
+    result, recorder = followed(loaded, parents, place, chosen, recorder)
     width = max(len(name) for name, _ in report(loaded, result))
     for name, value in report(loaded, result):
         typer.echo(f"{name:{width}}  {value}")
@@ -83,9 +94,66 @@ def encounter(
         if trajectory is not None:
             export(course, trajectory)
         if film is not None:
+            from mcdem.commands.progress import Steady
             from mcdem.figures.film import film as make_film
 
-            make_film(course, film)
+            with Steady("film") as tell:
+                make_film(course, film, progress=tell)
+
+
+APART = 100
+"""From so many primaries on, one step may take longer than anybody waits for an answer to Ctrl-C."""
+STEPS = 300
+"""Steps of an encounter, as a rule at least."""
+
+
+def follow(
+    scene: Scene, parents: tuple[Aggregate, Aggregate], place: Any, seed: int, recorder: Recorder | None
+) -> tuple[EncounterResult, Recorder | None]:
+    """Follow an encounter; returns what came of it, and its course if it was recorded."""
+    from mcdem.encounter.simulate import simulate_encounter
+
+    return simulate_encounter(scene, *parents, offset=place, seed=seed, record=recorder), recorder
+
+
+def followed(
+    scene: Scene, parents: tuple[Aggregate, Aggregate], place: Any, seed: int, recorder: Recorder | None
+) -> tuple[EncounterResult, Recorder | None]:
+    """The same; a large one in a process of its own, so that this one can tell how long it takes, and end it."""
+    from mcdem.commands.progress import Steady
+    from mcdem.monte_carlo import executors
+
+    count = parents[0].size + parents[1].size
+    if count < APART:
+        return follow(scene, parents, place, seed, recorder)
+    long = STEPS * step_time(count)
+    if long > 10.0:
+        told = timedelta(seconds=float(f"{long:.1g}"))
+        typer.secho(
+            f"note: {count} primaries: {told} is to be expected, or a few times that; an encounter is kept when it is over",
+            fg="yellow",
+            err=True,
+        )
+    with executors.opened("process", 1, apart=True) as crew, Steady("encounter") as tell:
+        future = executors.submit(crew.executor, follow, scene, parents, place, seed, recorder)
+        tell.until_done(future, f"{count} primaries")
+        found: tuple[EncounterResult, Recorder | None] = executors.result_of(future)
+        return found
+
+
+def step_time(count: int) -> float:
+    """[s] that a step of so many primaries takes here at least: a factorisation of its 11 unknowns a primary, as measured."""
+    import time
+
+    import numpy as np
+    from scipy.linalg import cho_factor
+
+    size = 500
+    matrix = np.eye(size) + 1e-3
+    began = time.perf_counter()
+    for _ in range(3):
+        cho_factor(matrix)
+    return (time.perf_counter() - began) / 3 * (11 * count / size) ** 3
 
 
 def aggregate_of(scene: Scene, option: str, given: str) -> Aggregate:
@@ -96,8 +164,8 @@ def aggregate_of(scene: Scene, option: str, given: str) -> Aggregate:
 
     radius = scene.suspension.radius
     if given.isdecimal():
-        if not 1 <= int(given) <= 1000:
-            raise UserError(f"{option} {given}: expected 1 to 1000 primaries")
+        if len(given) > 4 or not 1 <= int(given) <= 1000:
+            raise UserError(f"{option} {shown(given)[1:-1]}: expected 1 to 1000 primaries")
         scene.require_one_radius(f"for {option} {given} of several, give a file with rows x y z radius")
         jkr = scene.effects.get("jkr")
         spacing = (

@@ -18,7 +18,12 @@ def figures(
     ],
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", metavar="DIRECTORY", help="Folder for the figures and their numbers."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIRECTORY",
+            help="Folder of figures and numbers; those drawn before go.",
+        ),
     ] = Path("figures"),
 ) -> None:
     """Draw every figure that the datasets allow; each figure's numbers are saved beside it (NetCDF).

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from mcdem.commands import SceneFile
+from mcdem.commands import LARGEST_SEED, MOST_SAMPLED, SceneFile, finite
 from mcdem.commands.run import Engine
+from pbekit import endings
 
 
 def kernels(
@@ -27,16 +28,25 @@ def kernels(
         typer.Option("--output", "-o", metavar="KERNELS", help="Table to write; default: SCENE.kernels.nc."),
     ] = None,
     encounters: Annotated[
-        int, typer.Option(min=0, help="Designed encounters to add to the runs' events, at most.")
+        int,
+        typer.Option(
+            min=0, max=MOST_SAMPLED, help="Designed encounters to add to the runs' events, at most."
+        ),
     ] = 0,
     error: Annotated[
         float | None,
-        typer.Option(min=0, help="Stop when the relative standard error of the steady <P> is below this."),
+        typer.Option(
+            min=0,
+            callback=finite,
+            help="Stop when the relative standard error of the steady <P> is below this.",
+        ),
     ] = None,
     primaries: Annotated[
         int,
         typer.Option(
-            min=0, help="Designed encounters are of two primaries until there are so many, for eta_11."
+            min=0,
+            max=MOST_SAMPLED,
+            help="Designed encounters are of two primaries until there are so many, for eta_11.",
         ),
     ] = 0,
     aggregates_only: Annotated[
@@ -46,9 +56,10 @@ def kernels(
         str,
         typer.Option(help='Second coordinate: "aspect ratio", "outer radius" or "radius of gyration".'),
     ] = "aspect ratio",
-    shapes: Annotated[int, typer.Option(min=1, help="Classes of shape; 1 for sizes alone.")] = 3,
+    shapes: Annotated[int, typer.Option(min=1, max=20, help="Classes of shape; 1 for sizes alone.")] = 3,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Of designed encounters, instead of the scene's.")
+        int | None,
+        typer.Option(min=0, max=LARGEST_SEED, help="Of designed encounters, instead of the scene's."),
     ] = None,
     workers: Annotated[
         int | None, typer.Option(min=1, help="How many compute encounters; the table is the same.")
@@ -71,24 +82,29 @@ def kernels(
     from rich.progress import Progress as Bar
 
     from mcdem.commands.progress import RunDisplay
-    from mcdem.kernel_tables import Progress, tabulate
+    from mcdem.kernel_tables import Progress, refuse_unwritable, tabulate
     from mcdem.monte_carlo import executors
     from mcdem.monte_carlo import process as simulate
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
     file = output or Path(f"{loaded.name}.kernels.nc")
+    refuse_unwritable(file, resume=resume, overwrite=overwrite)
     with executors.opened(executor.value, workers, scheduler) as crew:
         if not runs:
             runs = [file.with_suffix(".run.nc")]
             with RunDisplay(loaded.name) as display:
-                simulate.run(
+                run = simulate.run(
                     loaded,
                     runs[0],
                     workers=crew.workers,
                     executor=crew.executor,
                     resume=runs[0].exists(),
                     progress=display,
+                )
+            if run.ended_by == "interruption":
+                raise KeyboardInterrupt(
+                    f"{runs[0]} holds the encounters computed, the table is not begun: the same command goes on from there"
                 )
         console = Console(stderr=True)
         columns = (
@@ -130,5 +146,5 @@ def kernels(
         line += f"; steady <P> = {done.mean_size:.3g}, standard error {100 * done.error:.2g} %"
     typer.echo(f"{line}; ended by {done.ended_by}")
     if done.ended_by == "interruption":
-        typer.echo("--resume goes on from there", err=True)
-        raise typer.Exit(130)
+        endings.tell(KeyboardInterrupt(f"{file} holds all that was computed: --resume goes on from there"))
+        raise typer.Exit(endings.exit_code())

@@ -1,11 +1,12 @@
 """The command `mcdem`: one file of `mcdem/commands/` for each of its subcommands.
 
 Exit codes: 0 done; 1 a defect of the program, with its traceback; 2 something to mend in what was given, said in a line;
-3 `mcdem check` warns; 130 interrupted, what was computed is kept.
+3 `mcdem check` warns; 130, 143, 129 interrupted by Ctrl-C, SIGTERM, SIGHUP, what was computed is kept (`pbekit.endings`).
 """
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import typer
@@ -28,6 +29,7 @@ from mcdem.commands import (
     view,
 )
 from mcdem.errors import UserError
+from pbekit import endings
 
 
 class Commands(TyperGroup):
@@ -35,14 +37,23 @@ class Commands(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            return super().invoke(ctx)
+            done = super().invoke(ctx)
+            sys.stdout.flush()
+            return done
         except UserError as problem:
             # Not through rich, which would take [flow] for a colour.
             typer.secho(f"error: {problem}", fg="red", err=True)
             raise typer.Exit(2) from None
-        except KeyboardInterrupt:
-            typer.secho("interrupted", err=True)
-            raise typer.Exit(130) from None
+        except OSError as problem:
+            from pbekit.files import said_of_system
+
+            if (said := said_of_system(problem)) is None:
+                raise
+            typer.secho(f"error: {said}", fg="red", err=True)
+            raise typer.Exit(2) from None
+        except KeyboardInterrupt as problem:
+            endings.tell(problem)
+            raise typer.Exit(endings.exit_code()) from None
 
 
 app = typer.Typer(
@@ -73,5 +84,5 @@ for module in (
 
 
 def main() -> None:
-    """Entry point of the console script."""
-    app(prog_name="mcdem")
+    """The command, where the console script of an older installation looks for it."""
+    endings.program(lambda: app(prog_name="mcdem"))

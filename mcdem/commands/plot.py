@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from mcdem.commands import Dataset
-from mcdem.errors import UserError
 
 
 def plot(
@@ -16,10 +15,12 @@ def plot(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FIGURE", help="Figure to write (png, pdf, svg).")
     ],
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the figure if it exists.")] = False,
 ) -> None:
     """Draw the mean size `<P>(t)` and the Sauter diameter `d32(t)` with the slope of Eq. 22 at the start."""
-    if output.is_dir():
-        raise UserError(f"{output}: a folder, expected the name of a figure in it")
+    from mcdem.netcdf.whole_files import FILES
+
+    FILES.check_picture(output, overwrite=overwrite)
     from mcdem.figures import plot_run
 
     plot_run(file, output)

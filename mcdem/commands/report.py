@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mcdem.commands import Dataset, refuse_existing
+from mcdem.commands import Dataset
 
 
 def report(
@@ -22,14 +22,12 @@ def report(
 ) -> None:
     """Write a page about a run: parameters, outcomes, figures, the paper's numbers beside its own, warnings."""
     page = output or file.with_suffix(".html")
-    refuse_existing(page, overwrite=overwrite)
+    from mcdem.netcdf.whole_files import FILES
 
-    from mcdem.errors import UserError
+    FILES.check(page, FILES.page, overwrite=overwrite)
+
     from mcdem.figures.report import report as report_of
 
     text = report_of(file)
-    try:
-        page.write_text(text, encoding="utf-8")
-    except OSError as problem:
-        raise UserError(f"{page}: cannot be written: {problem.strerror}") from None
+    FILES.write(page, FILES.page, text)
     typer.echo(f"{page} written")

@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from mcdem.commands import SceneFile, read_quantity
-from mcdem.quantities.units import TIME
+from mcdem.arguments import PERIOD
+from mcdem.commands import LARGEST_SEED, MOST_EVENTS, SceneFile, read_quantity
+from pbekit import endings
 
 
 class Engine(StrEnum):
@@ -29,12 +30,15 @@ def run(
         ),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Seed of every random stream, instead of the scene's.")
+        int | None,
+        typer.Option(min=0, max=LARGEST_SEED, help="Seed of every random stream, instead of the scene's."),
     ] = None,
     until: Annotated[
         str | None, typer.Option(metavar="TIME", help='Process time to stop at, such as "10 s".')
     ] = None,
-    events: Annotated[int | None, typer.Option(min=1, help="Number of encounters to stop after.")] = None,
+    events: Annotated[
+        int | None, typer.Option(min=1, max=MOST_EVENTS, help="Number of encounters to stop after.")
+    ] = None,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -54,16 +58,23 @@ def run(
 ) -> None:
     """Follow the suspension of a scene and write every event to a NetCDF dataset.
 
-    Ctrl-C keeps what was computed; `--resume` goes on from there.
+    Ctrl-C, SIGTERM and SIGHUP keep what was computed; `--resume` goes on from there.
     """
     from mcdem.analysis.dimensionless_groups import check
     from mcdem.commands.progress import RunDisplay, state
+    from mcdem.monte_carlo.expected_output import output_of
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
-    stop = read_quantity("--until", until, TIME.positive) if until is not None else None
+    stop = read_quantity("--until", until, PERIOD) if until is not None else None
     file = output or Path(f"{loaded.name}.nc")
-    for finding in check(loaded):
+    expected = output_of(loaded, stop, events)
+    if expected is not None and expected.large:
+        typer.secho(f"note: {expected.words}", fg="yellow", err=True)
+    loaded_alone = loaded.model_copy(
+        update={"run": loaded.run.model_copy(update={"until": None, "events": None})}
+    )
+    for finding in check(loaded_alone):
         if finding.verdict == "warning":
             typer.secho(
                 f"warning: {finding.name} = {finding.value:.3g}: {finding.words}", fg="yellow", err=True
@@ -87,5 +98,5 @@ def run(
         )
     typer.echo(f"{file}: {state(done.time, done.events, done.outcomes)}; ended by {done.ended_by}")
     if done.ended_by == "interruption":
-        typer.echo("--resume goes on from there", err=True)
-        raise typer.Exit(130)
+        endings.tell(KeyboardInterrupt(f"{file} holds all that was computed: --resume goes on from there"))
+        raise typer.Exit(endings.exit_code())

@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from mcdem.commands import SceneFile, read_quantity
+from mcdem.arguments import PERIOD
+from mcdem.commands import LARGEST_SEED, MOST_EVENTS, SceneFile, read_quantity
 from mcdem.commands.run import Engine
-from mcdem.quantities.units import TIME
+from pbekit import endings
 
 
 def sweep(
@@ -31,12 +32,16 @@ def sweep(
     ] = None,
     seed: Annotated[
         int | None,
-        typer.Option(min=0, help="From which the members' seeds are drawn, instead of the scene's."),
+        typer.Option(
+            min=0, max=LARGEST_SEED, help="From which the members' seeds are drawn, instead of the scene's."
+        ),
     ] = None,
     until: Annotated[
         str | None, typer.Option(metavar="TIME", help='Process time to stop at, such as "10 s".')
     ] = None,
-    events: Annotated[int | None, typer.Option(min=1, help="Number of encounters to stop after.")] = None,
+    events: Annotated[
+        int | None, typer.Option(min=1, max=MOST_EVENTS, help="Number of encounters to stop after.")
+    ] = None,
     workers: Annotated[
         int | None,
         typer.Option(min=1, help="How many members run at once. Default: as many as there are workers."),
@@ -53,13 +58,16 @@ def sweep(
     Given again, it runs what is not finished, and only that.  A member that fails does not stop the others.
     """
     from mcdem.monte_carlo import executors
-    from mcdem.monte_carlo.sweep import Member, parse_setting
+    from mcdem.monte_carlo.sweep import Member, parse_settings, replaced
     from mcdem.monte_carlo.sweep import sweep as run_sweep
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
-    stop = read_quantity("--until", until, TIME.positive) if until is not None else None
+    stop = read_quantity("--until", until, PERIOD) if until is not None else None
     folder = output or Path(loaded.name)
+    values = parse_settings(settings or [])
+    for line in replaced(loaded, list(values)):
+        typer.echo(line, err=True)
 
     def tell(member: Member) -> None:
         line = f"{member.file.name}: {member.state}, t = {member.time:.4g} s, {member.events} events"
@@ -69,7 +77,7 @@ def sweep(
         members = run_sweep(
             loaded,
             folder,
-            dict(parse_setting(given) for given in settings or []),
+            values,
             replicas=replicas,
             seed=seed,
             until=stop,
@@ -81,8 +89,10 @@ def sweep(
     typer.echo(
         f"{folder / 'index.csv'}: {states.count('done')} of {len(members)} done, {states.count('failed')} failed"
     )
-    if states.count("failed"):
+    if states.count("failed") and not endings.asked():
         raise typer.Exit(1)
     if states.count("done") < len(members):
-        typer.echo("the same command goes on from there", err=True)
-        raise typer.Exit(130)
+        endings.tell(
+            KeyboardInterrupt(f"{folder} holds all that was computed: the same command goes on from there")
+        )
+        raise typer.Exit(endings.exit_code())

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from mcdem.commands import Dataset, read_quantity, refuse_existing
-from mcdem.quantities.units import TIME
+from mcdem.arguments import PERIOD
+from mcdem.commands import Dataset, read_quantity
 
 
 def thin(
@@ -21,8 +21,10 @@ def thin(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output if it exists.")] = False,
 ) -> None:
     """Make a run's dataset small: fewer snapshots, rounded reals, compressed. `mcdem run --resume` continues it."""
-    refuse_existing(output, overwrite=overwrite)
-    spacing = None if every is None else read_quantity("--every", every, TIME.positive)
+    from mcdem.netcdf.whole_files import FILES, RUN
+
+    FILES.check(output, RUN, overwrite=overwrite)
+    spacing = None if every is None else read_quantity("--every", every, PERIOD)
     from mcdem.monte_carlo.compress import thin as thin_dataset
 
     thin_dataset(file, output, spacing)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcdem.commands import SampledRuns, SceneFile
-from mcdem.errors import UserError
+from mcdem.commands import LARGEST_SEED, MOST_SAMPLED, SampledRuns, SceneFile
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,8 +38,8 @@ def vary(
             help="Figure to write; a table (.csv) goes beside it. Default: SCENE.vary.png.",
         ),
     ] = None,
-    encounters: Annotated[int, typer.Option(min=2, help="In the sample.")] = 200,
-    seed: Annotated[int, typer.Option(min=0, help="Of the sample.")] = 0,
+    encounters: Annotated[int, typer.Option(min=2, max=MOST_SAMPLED, help="In the sample.")] = 200,
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Of the sample.")] = 0,
     workers: Annotated[int | None, typer.Option(min=1, help="How many compute encounters.")] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace FIGURE and its table if they exist.")
@@ -56,32 +56,47 @@ def vary(
     from mcdem.analysis.accuracy_cost import sample_for
     from mcdem.analysis.sensitivity import settings_from
     from mcdem.analysis.sensitivity import vary as vary_settings
-    from mcdem.commands import refuse_existing
+    from mcdem.commands import end_early
+    from mcdem.commands.progress import NowAndThen
     from mcdem.figures.vary import draw_differences
     from mcdem.monte_carlo import executors
-    from mcdem.monte_carlo.sweep import parse_setting
+    from mcdem.monte_carlo.executors import EngineError
+    from mcdem.monte_carlo.sweep import parse_settings, replaced
+    from mcdem.netcdf.whole_files import FILES, VARY
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
     loaded.require_one_radius("eta_11 is of two equal primaries")
     figure = output or Path(f"{loaded.name}.vary.png")
     table = figure.with_suffix(".csv")
-    for path in (figure, table):
-        refuse_existing(path, overwrite=overwrite)
-    chosen = settings_from(dict(parse_setting(given) for given in settings))
+    FILES.check_picture(figure, overwrite=overwrite)
+    FILES.check(table, VARY, overwrite=overwrite)
+    values = parse_settings(settings)
+    for key in values:
+        for line in replaced(loaded, [key]):
+            typer.echo(line, err=True)
+    chosen = settings_from(values)
     for setting in chosen:
         setting.of(loaded)
     console = Console(stderr=True)
     found: list[Difference] = []
+    cut_off: BaseException | None = None
     with (
         executors.opened("process", workers) as crew,
         Progress(console=console, disable=not console.is_terminal) as bar,
     ):
         task = bar.add_task("aggregates to try on", total=len(chosen) * (encounters + 1))
-        pairs = sample_for(loaded, runs or [], encounters, seed, 4000, crew.workers, crew.executor)
+        tell = NowAndThen(console)
+
+        def young(share: float) -> None:
+            bar.update(task, description=f"aggregates to try on: {share:.0%}")
+            tell(f"aggregates to try on: {share:.0%}")
+
+        pairs = sample_for(loaded, runs or [], encounters, seed, 4000, crew.workers, crew.executor, young)
         finished = 0
 
         def show(name: str, done: int, wanted: int) -> None:
+            tell(f"{name}: {done} of {wanted}")
             bar.update(task, description=name, completed=finished * wanted + done)
 
         try:
@@ -93,14 +108,16 @@ def vary(
                 if not console.is_terminal:
                     name, time = of_setting[0].setting.name, of_setting[0].cpu_time
                     console.print(f"{name}: {1e3 * time:.1f} ms", highlight=False, markup=False)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, EngineError) as problem:
             if finished < 2:
                 raise
-            console.print("interrupted: what was followed until now follows")
+            cut_off = problem
     typer.echo(told(found))
     write(found, table)
     draw_differences(found, figure, loaded.name)
     typer.echo(f"{figure} and {table} written")
+    if cut_off is not None:
+        end_early(cut_off, f"{figure} and {table}", finished, len(chosen))
 
 
 def told(found: Sequence[Difference]) -> str:
@@ -122,16 +139,15 @@ def told(found: Sequence[Difference]) -> str:
 
 def write(found: Sequence[Difference], path: Path) -> None:
     """The same as a file, one row a setting and quantity."""
-    try:
-        with path.open("w", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(
-                "setting key quantity as_given changed difference standard_error encounters cpu_time_s".split()
-            )
-            for d in found:
-                rows.writerow(
-                    [d.setting.name, d.setting.knob, d.quantity, d.given, d.changed, d.value, d.error,
-                     d.encounters, d.cpu_time]
-                )  # fmt: skip
-    except OSError as problem:
-        raise UserError(f"{path}: cannot be written ({problem.strerror})") from None
+    from mcdem.netcdf.whole_files import FILES, VARY
+
+    text = io.StringIO()
+    rows = csv.writer(text)
+    rows.writerow(
+        "setting key quantity as_given changed difference standard_error encounters cpu_time_s".split()
+    )
+    for d in found:
+        rows.writerow(
+            [d.setting.name, d.setting.knob, d.quantity, d.given, d.changed, d.value, d.error, d.encounters, d.cpu_time]
+        )  # fmt: skip
+    FILES.write(path, VARY, text.getvalue())

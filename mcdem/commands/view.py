@@ -7,8 +7,6 @@ from typing import Annotated
 
 import typer
 
-from mcdem.commands import refuse_existing
-
 
 def view(
     file: Annotated[
@@ -28,14 +26,12 @@ def view(
 ) -> None:
     """Write a page in which an encounter can be turned and played, or a population looked at; it needs no network."""
     page = output or file.with_suffix(".html")
-    refuse_existing(page, overwrite=overwrite)
+    from mcdem.netcdf.whole_files import FILES
 
-    from mcdem.errors import UserError
+    FILES.check(page, FILES.page, overwrite=overwrite)
+
     from mcdem.figures.view import page_of
 
     text = page_of(file, snapshot)
-    try:
-        page.write_text(text, encoding="utf-8")
-    except OSError as problem:
-        raise UserError(f"{page}: cannot be written: {problem.strerror}") from None
+    FILES.write(page, FILES.page, text)
     typer.echo(f"{page} written")

@@ -11,20 +11,22 @@ attraction for l0 = 0 the force vanishes at h = sigma 30^(-1/6).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 from numba import njit
 
 from mcdem.effects.kinds import Companions, EffectTable, PairForce, refuse_contact
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
-from mcdem.quantities.units import PositiveLength
+from mcdem.quantities.units import LENGTH
 
 
 class Born(EffectTable):
     """Born repulsion, with the Hamaker constant of the van der Waals attraction."""
 
-    collision_diameter: PositiveLength
+    below_radius: ClassVar[tuple[str, ...]] = ("collision_diameter",)
+
+    collision_diameter: Annotated[float, LENGTH.positive.between("1 pm", "1 um", '"0.5 nm"')]
     """Lennard-Jones diameter sigma of the atoms, about 0.5 nm."""
 
     def refuse_company(self, effects: Companions) -> None:

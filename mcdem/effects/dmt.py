@@ -38,6 +38,7 @@ class DMT(ElasticContact):
 
     def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> DMTKernel:
         """The parameters in reduced units, for two primaries of radius a."""
+        self.require_small_contact(suspension, "dmt")
         pull_off_force = self.pull_off_force(units.length) / units.force
         equilibrium_gap = -2.0 * (self.contact_radius(units.length) / units.length) ** 2
         return DMTKernel(

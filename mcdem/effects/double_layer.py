@@ -15,8 +15,8 @@ and kappa h = 0.3, 1, 3 it is off by -0.6, -0.1, 5 % (constant potential) and by
 
 from __future__ import annotations
 
-from math import exp, pi
-from typing import Literal, NamedTuple, Self
+from math import exp, pi, sqrt
+from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
 from numba import njit
 from pydantic import model_validator
@@ -25,26 +25,67 @@ from mcdem.effects.kinds import Companions, EffectTable, PairForce
 from mcdem.errors import SceneError
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
-from mcdem.quantities.units import PositiveDimensionless, PositiveLength, Potential
+from mcdem.quantities.toml_tables import FROM_THE_OTHERS
+from mcdem.quantities.units import CONCENTRATION, DIMENSIONLESS, LENGTH, POTENTIAL, TEMPERATURE
 
 VACUUM_PERMITTIVITY = 8.8541878128e-12  # [F/m], CODATA 2018
 LARGEST_POTENTIAL = 0.060  # [V], Hogg, Healy & Fuerstenau (1966)
 SMALLEST_KAPPA_A = 10.0
+BOLTZMANN = 1.380649e-23  # [J/K]
+ELEMENTARY_CHARGE = 1.602176634e-19  # [C]
+AVOGADRO = 6.02214076e23  # [1/mol]
+
+_POTENTIAL = POTENTIAL.between("-1 V", "1 V")
 
 
 class DoubleLayer(EffectTable):
     """Electric double-layer repulsion in the linear Poisson-Boltzmann approximation."""
 
-    surface_potential: Potential
-    """Potential psi of an isolated surface (its zeta potential), at most 60 mV either way."""
-    debye_length: PositiveLength
-    """Thickness 1/kappa of the double layer, at most a tenth of the (smallest) primary radius."""
-    relative_permittivity: PositiveDimensionless
+    instead_of_each_other: ClassVar[tuple[tuple[frozenset[str], ...], ...]] = (
+        (frozenset({"debye_length"}), frozenset({"salt_concentration", "temperature"})),
+        (frozenset({"surface_potential"}), frozenset({"zeta_potential"})),
+    )
+
+    surface_potential: Annotated[float, _POTENTIAL] = FROM_THE_OTHERS
+    """Potential psi of an isolated surface, at most 60 mV either way; or its zeta_potential."""
+    zeta_potential: Annotated[float, _POTENTIAL] | None = None
+    """Measured zeta potential, taken as the surface potential in its stead."""
+    debye_length: Annotated[float, LENGTH.positive.between("1 pm", "1 mm", '"10 nm"')] = FROM_THE_OTHERS
+    """Thickness 1/kappa of the double layer, at most a tenth of the (smallest) primary radius; or the salt that sets it."""
+    salt_concentration: Annotated[float, CONCENTRATION.positive.between("1e-12 M", "10 M")] | None = None
+    """Concentration of a 1:1 salt, or the ionic strength of another: with `temperature` instead of debye_length."""
+    temperature: Annotated[float, TEMPERATURE.positive.between("1 K", "5000 K")] | None = None
+    """Absolute temperature, where the debye_length follows from the salt."""
+    relative_permittivity: Annotated[float, DIMENSIONLESS.positive.between("1", "1e4", "78.5")]
     """Permittivity of the medium over that of vacuum."""
     condition: Literal["constant_potential", "constant_charge"]
     """What surfaces keep while they approach."""
-    minimum_approach: PositiveLength | None = None
+    minimum_approach: Annotated[float, LENGTH.positive.between("1e-15 m", "1 mm", '"0.165 nm"')] | None = None
     """Distance of the planes of charge at contact; for constant charge only, which would be singular without it."""
+
+    @model_validator(mode="after")
+    def _one_potential_and_one_thickness(self) -> Self:
+        given = self.model_fields_set
+        potentials = given & {"surface_potential", "zeta_potential"}
+        if len(potentials) != 1:
+            raise ValueError(
+                'give surface_potential, such as "-25 mV", or zeta_potential '
+                f"(found {' and '.join(sorted(potentials)) or 'neither'})"
+            )
+        if self.zeta_potential is not None:
+            self.__dict__["surface_potential"] = self.zeta_potential
+        thickness = given & {"debye_length", "salt_concentration", "temperature"}
+        if thickness not in ({"debye_length"}, {"salt_concentration", "temperature"}):
+            raise ValueError(
+                'give debye_length, such as "10 nm", or salt_concentration and temperature, such as "1 mM" and "298 K" '
+                f"(found {' and '.join(sorted(thickness)) or 'none of them'})"
+            )
+        if self.salt_concentration is not None and self.temperature is not None:
+            # 1/kappa of a 1:1 salt (Debye & Hueckel 1923; Israelachvili 2011, section 14.7).
+            charge = 2.0 * AVOGADRO * self.salt_concentration * ELEMENTARY_CHARGE**2
+            energy = VACUUM_PERMITTIVITY * self.relative_permittivity * BOLTZMANN * self.temperature
+            self.__dict__["debye_length"] = sqrt(energy / charge)
+        return self
 
     @model_validator(mode="after")
     def _potential_is_low(self) -> Self:

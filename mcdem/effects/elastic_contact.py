@@ -6,23 +6,41 @@ J. Colloid Interface Sci. 192, 326.
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
-
-from pydantic import Field
+import math
+from typing import Annotated, Any, ClassVar
 
 from mcdem.effects.kinds import EffectTable
-from mcdem.quantities.units import Dimensionless, PositivePressure, PositiveSurfaceEnergy
+from mcdem.errors import SceneError
+from mcdem.quantities.suspension import Suspension
+from mcdem.quantities.units import DIMENSIONLESS, ENERGY, LENGTH, PRESSURE, SURFACE_ENERGY, shown
+
+LARGEST_CONTACT = 1.0
+"""Contact radius over that of the smallest primaries, beyond which two spheres are no longer two."""
 
 
 class ElasticContact(EffectTable):
     """An adhesive elastic contact of two primaries of one material."""
 
-    surface_energy: PositiveSurfaceEnergy
+    surface_energy: Annotated[float, SURFACE_ENERGY.positive.between("1e-12 J/m^2", "1e3 J/m^2")]
     """Surface energy gamma of the solid against the medium; the work of adhesion is 2 gamma."""
-    elastic_modulus: PositivePressure
+    elastic_modulus: Annotated[float, PRESSURE.positive.between("1 Pa", "1e14 Pa")]
     """Elastic modulus E of the primary particles."""
-    poisson_ratio: Annotated[Dimensionless, Field(gt=-1.0, le=0.5)]
+    poisson_ratio: Annotated[float, DIMENSIONLESS.between("-0.99", "0.5", "0.3")]
     """Poisson ratio nu of the primary particles."""
+
+    @classmethod
+    def offers(cls, tables: list[dict[str, Any]]) -> dict[str, str]:
+        """The surface energy that belongs to an attraction of the scene, A_H/(24 pi l0^2) (Israelachvili 2011, Eq. 13.16)."""
+        offer = "or A_H/(24 pi l0^2), with Hamaker constant and least distance"
+        for given in tables:
+            try:
+                constant = ENERGY.to_si(given["hamaker_constant"])
+                distance = LENGTH.to_si(given["minimum_approach"])
+                value = shown(f"{constant / (24.0 * math.pi * distance**2):.3g} J/m^2")
+            except (KeyError, TypeError, ValueError, ArithmeticError):
+                continue
+            offer = f"A_H/(24 pi l0^2) from the van der Waals attraction is {value}"
+        return {"surface_energy": offer}
 
     friction_share: ClassVar[float]
     """Adhesion that friction feels beside the load, over the pull-off force."""
@@ -40,6 +58,17 @@ class ElasticContact(EffectTable):
     def pull_off_gap(self, radius: float) -> float:
         """h_po [m] of two spheres of `radius` [m], at which a contact is lost; it grows with the cube root of the radius."""
         return 0.0
+
+    def require_small_contact(self, suspension: Suspension, law: str) -> None:
+        """Refuse a contact that is no small part of its spheres, where the laws of contact end; raises `SceneError`."""
+        smallest = min(suspension.species)
+        ratio = self.contact_radius(smallest) / smallest
+        if ratio > LARGEST_CONTACT:
+            raise SceneError(
+                f"[effects.{law}] surface_energy = {self.surface_energy:g} J/m^2 and elastic_modulus "
+                f"= {self.elastic_modulus:g} Pa make a contact of {ratio:.3g} times the radius of the primaries, expected less "
+                f"than {LARGEST_CONTACT:g}: a smaller surface energy or a larger modulus"
+            )
 
     @property
     def reduced_modulus(self) -> float:

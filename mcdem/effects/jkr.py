@@ -46,6 +46,7 @@ class JKR(ElasticContact):
 
     def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> JKRKernel:
         """The parameters in reduced units, for two primaries of radius a."""
+        self.require_small_contact(suspension, "jkr")
         return from_scales(
             pull_off_force=self.pull_off_force(units.length) / units.force,
             indentation=(self.contact_radius(units.length) / units.length) ** 2,

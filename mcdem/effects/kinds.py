@@ -46,6 +46,16 @@ class Companions(Protocol):
 class EffectTable(Table):
     """The keys of an effect in a scene."""
 
+    below_radius: ClassVar[tuple[str, ...]] = ()
+    """Lengths among its keys that have to be below the radius of the primaries."""
+    instead_of_each_other: ClassVar[tuple[tuple[frozenset[str], ...], ...]] = ()
+    """Groups of its keys of which one stands for the others."""
+
+    @classmethod
+    def offers(cls, tables: list[dict[str, Any]]) -> dict[str, str]:
+        """What may stand for a key of this one that is missing, in words, from the effects `tables` of the scene."""
+        return {}
+
     def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> Any:
         """The parameters in reduced units; raises `SceneError` where the effect does not hold for this suspension."""
         raise NotImplementedError

@@ -17,7 +17,7 @@ E I = k_t (2a)^3/2; a twin that keeps the rods as vectors fixed in the spheres.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -26,15 +26,17 @@ from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_con
 from mcdem.effects.tangential import ROLLS, STUCK, add_stiffness, cut_back, direction
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
-from mcdem.quantities.units import PositiveLength, PositiveStiffness
+from mcdem.quantities.units import LENGTH, STIFFNESS
 
 
 class Rods(EffectTable):
     """Bonds that resist sliding and rolling alike (Becker & Briesen 2008); instead of sliding and rolling."""
 
-    stiffness: PositiveStiffness
+    below_radius: ClassVar[tuple[str, ...]] = ("largest_displacement",)
+
+    stiffness: Annotated[float, STIFFNESS.positive.between("1e-12 N/m", "1e6 N/m", '"10 mN/m"')]
     """Stiffness k_t of the spring at the tip of each rod."""
-    largest_displacement: PositiveLength
+    largest_displacement: Annotated[float, LENGTH.positive.between("1e-15 m", "1 mm", '"20 nm"')]
     """Displacement xi_max of the tip at which the rod slips; the bond bears a moment of at most 2 a k_t xi_max at each end."""
 
     def refuse_company(self, effects: Companions) -> None:

@@ -10,7 +10,7 @@ Exact tests: the work of any motion within the limit is its elastic energy; the 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -19,13 +19,15 @@ from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_con
 from mcdem.effects.tangential import ROLLS, STUCK, add_stiffness, cut_back, direction
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
-from mcdem.quantities.units import PositiveLength
+from mcdem.quantities.units import LENGTH
 
 
 class Rolling(EffectTable):
     """Rolling resistance of JKR contacts."""
 
-    critical_displacement: PositiveLength
+    below_radius: ClassVar[tuple[str, ...]] = ("critical_displacement",)
+
+    critical_displacement: Annotated[float, LENGTH.positive.between("1e-15 m", "1 mm", '"0.5 nm"')]
     """Rolling displacement xi_crit at which the contact moves on, between an atom's size and the radius of the contact."""
 
     def refuse_company(self, effects: Companions) -> None:

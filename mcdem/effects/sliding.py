@@ -15,7 +15,7 @@ Exact tests: the work of any motion within the limit is the energy k_T s^2/2; th
 from __future__ import annotations
 
 from math import inf
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -25,13 +25,13 @@ from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_con
 from mcdem.effects.tangential import SLIDES, STUCK, add_stiffness, cut_back, direction
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
-from mcdem.quantities.units import PositiveDimensionless
+from mcdem.quantities.units import DIMENSIONLESS
 
 
 class Sliding(EffectTable):
     """Friction of contacts; needs a contact law, whose material sets the stiffness."""
 
-    friction_coefficient: PositiveDimensionless
+    friction_coefficient: Annotated[float, DIMENSIONLESS.positive.between("1e-9", "1e6", "0.3")]
     """Largest tangential over normal force mu_f, the normal force with the adhesion added."""
 
     def refuse_company(self, effects: Companions) -> None:

@@ -11,14 +11,14 @@ Exact tests: -dF/dh is pi a_eff P; force and slope vanish where the brushes part
 from __future__ import annotations
 
 from math import pi, sqrt
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from numba import njit
 
 from mcdem.effects.kinds import Companions, EffectTable, PairForce, refuse_contact
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
-from mcdem.quantities.units import PositiveLength, PositiveTemperature
+from mcdem.quantities.units import LENGTH, TEMPERATURE
 
 BOLTZMANN = 1.380649e-23  # [J/K]
 
@@ -26,11 +26,11 @@ BOLTZMANN = 1.380649e-23  # [J/K]
 class Steric(EffectTable):
     """Steric repulsion of polymer brushes in a good solvent (Alexander and de Gennes)."""
 
-    brush_thickness: PositiveLength
+    brush_thickness: Annotated[float, LENGTH.positive.between("1 pm", "100 um", '"5 nm"')]
     """Thickness L of the brush on each particle."""
-    grafting_distance: PositiveLength
+    grafting_distance: Annotated[float, LENGTH.positive.between("1 pm", "100 um", '"2 nm"')]
     """Mean distance s between grafted chains."""
-    temperature: PositiveTemperature
+    temperature: Annotated[float, TEMPERATURE.positive.between("1 K", "5000 K")]
     """Absolute temperature."""
 
     def refuse_company(self, effects: Companions) -> None:

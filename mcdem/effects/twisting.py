@@ -14,7 +14,7 @@ factors are the moments of uniform friction and of uniform displacement over a d
 from __future__ import annotations
 
 from math import inf
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from numba import njit
 
@@ -23,13 +23,13 @@ from mcdem.effects.sliding import cohesion
 from mcdem.effects.tangential import STUCK, TWISTS
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
-from mcdem.quantities.units import PositiveDimensionless
+from mcdem.quantities.units import DIMENSIONLESS
 
 
 class Twisting(EffectTable):
     """Twisting resistance of contacts; needs a contact law, whose material sets the stiffness."""
 
-    friction_coefficient: PositiveDimensionless
+    friction_coefficient: Annotated[float, DIMENSIONLESS.positive.between("1e-9", "1e6", "0.3")]
     """Largest tangential over normal stress in the contact, mu_f, as for sliding."""
 
     def refuse_company(self, effects: Companions) -> None:

@@ -13,7 +13,7 @@ retardation F (h + l0)^2 is constant; F falls as h^-3 far away.
 from __future__ import annotations
 
 from math import pi
-from typing import Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 from numba import njit
 from pydantic import Field, model_validator
@@ -21,7 +21,7 @@ from pydantic import Field, model_validator
 from mcdem.effects.kinds import Companions, EffectTable, PairForce
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
-from mcdem.quantities.units import PositiveEnergy, PositiveLength
+from mcdem.quantities.units import ENERGY, LENGTH
 
 # Where the two branches of the retardation function cross.  The published 0.5709 leaves a step of 2e-4 in the force;
 # here it is none beyond round-off (the slope has its kink either way).
@@ -31,13 +31,17 @@ BRANCH_POINT = 0.5717075264733067
 class VanDerWaals(EffectTable):
     """Van der Waals attraction, retarded unless the scene says otherwise."""
 
-    hamaker_constant: PositiveEnergy
+    below_radius: ClassVar[tuple[str, ...]] = ("minimum_approach",)
+
+    hamaker_constant: Annotated[float, ENERGY.positive.between("1e-60 J", "1e-15 J")]
     """Hamaker constant A_H of solid against solid through the medium."""
-    minimum_approach: PositiveLength
+    minimum_approach: Annotated[float, LENGTH.positive.between("1e-15 m", "1 mm", '"0.165 nm"')]
     """Molecular roughness l0 that keeps the attraction finite at contact."""
     retarded: bool = True
     """Whether the attraction weakens over distances comparable to the London wavelength."""
-    london_wavelength: PositiveLength | None = Field(100e-9, json_schema_extra={"default": "100 nm"})
+    london_wavelength: Annotated[float, LENGTH.positive.between("1 pm", "1 m", '"100 nm"')] | None = Field(
+        100e-9, json_schema_extra={"default": "100 nm"}
+    )
     """London wavelength lambda of the retardation.  The default is an assumption (the paper gives no value) of little weight."""
 
     @model_validator(mode="before")

@@ -24,8 +24,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mcdem.aggregates.aggregate import Aggregate
+from mcdem.arguments import scene_at_door, whole_number
 from mcdem.encounter.simulate import simulate_encounter
 from mcdem.errors import UserError
+from mcdem.quantities.units import LENGTH, si
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -65,22 +67,33 @@ class PairEfficiency:
     encounters: int
 
 
-def pair_efficiency(scene: Scene, rays: int = RAYS) -> PairEfficiency:
+def pair_efficiency(
+    scene: Scene, rays: int = RAYS, progress: Callable[[str, float], None] = lambda state, share: None
+) -> PairEfficiency:
     """eta_11 of two primaries of the scene, with its numerical error.
 
-    rays : even number of directions in the quarter circle.  Raises `UserError` for a scene in which nothing can stick.
+    rays : even number of directions in the quarter circle
+    progress : called with where it stands, in words, and the share done
+
+    Raises `UserError` for a scene in which nothing can stick.
     """
-    if rays < 2 or rays % 2:
+    scene_at_door(scene)
+    if whole_number("rays", rays, 2, 1000) % 2:
         raise UserError(f"rays = {rays}: expected an even number, at least 2")
-    capture = Capture(scene)
     angles, weights = fejer(rays)
+
+    def tell(encounters: int) -> None:
+        # A ray is scanned and its one boundary bisected, then followed with half the step.
+        progress(f"{encounters} encounters", min(encounters / (rays * (SCANNED + 30.0)), 1.0))
+
+    capture = Capture(scene, tell)
     segments, by_ray = capture.along(angles)
     efficiency = float(weights @ by_ray)
     # Every second ray is a node of the rule with half as many.
     _, coarse = fejer(rays // 2)
     quadrature = abs(float(coarse @ by_ray[1::2]) - efficiency)
 
-    finer = Capture(_half_step(scene))
+    finer = Capture(_half_step(scene), lambda encounters: tell(capture.encounters + encounters))
     moved = np.array(
         [
             sum(
@@ -109,15 +122,19 @@ def pair_efficiency(scene: Scene, rays: int = RAYS) -> PairEfficiency:
     )
 
 
-def critical_offset(scene: Scene, x0: float) -> float:
-    """Critical offset y_c [m] at x0 [m]: the largest y0 at which two primaries end as a doublet; 0 if there is none.
+def critical_offset(scene: Scene, x0: float | str) -> float:
+    """Critical offset y_c [m] at x0, a number in m or with a unit: the largest y0 at which two primaries end as a doublet.
+
+    0 if there is none.
 
     Found by bisection to 2e-5 a.  Raises `UserError` for x0 outside the circle of radius 2a.
     """
+    scene_at_door(scene)
     radius = scene.suspension.radius
-    across = x0 / radius
+    place = si("x0", x0, LENGTH)
+    across = place / radius
     if not abs(across) < 2.0:
-        raise UserError(f"x0 = {x0:g} m: expected a length below 2a = {2.0 * radius:g} m")
+        raise UserError(f"x0 = {place:g} m: expected a length below 2a = {2.0 * radius:g} m")
     capture = Capture(scene)
     line = lambda y: (across, y)
     found = capture.segments(line, capture.lowest_y, math.sqrt(4.0 - across**2))
@@ -156,7 +173,7 @@ Line = Callable[[float], tuple[float, float]]
 class Capture:
     """Which offsets end in a doublet.  Lengths in primary radii."""
 
-    def __init__(self, scene: Scene):
+    def __init__(self, scene: Scene, progress: Callable[[int], None] = lambda encounters: None):
         if scene.flow.kind != "simple_shear":
             raise UserError(
                 f"{scene.name}: eta_11 is an integral over the offsets of simple shear, the scene has flow.kind = "
@@ -173,6 +190,7 @@ class Capture:
         self.scene = scene
         self.monomer = Aggregate.monomer()
         self.encounters = 0
+        self._progress = progress
         # A little above the bound, so that rounding does not decide.
         self.lowest_y = 1.001 * 2.0 * scene.numerics.start_distance / scene.numerics.longest_approach
 
@@ -184,6 +202,7 @@ class Capture:
         """Whether the encounter at `offset` ends as a doublet."""
         radius = self.scene.suspension.radius
         self.encounters += 1
+        self._progress(self.encounters)
         result = simulate_encounter(
             self.scene,
             self.monomer,

@@ -16,6 +16,7 @@ here, a few in an encounter; every step is taken in compiled code.
 from __future__ import annotations
 
 import math
+import time as clock
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -36,6 +37,7 @@ from mcdem.integrators.state import (
     PARTED,
     PAUSED,
     SETTLED,
+    TOO_MANY_STEPS,
     Group,
     Log,
     Motion,
@@ -49,6 +51,8 @@ from mcdem.rigid_aggregates.statics_with_torques import analyse_with_torques
 
 RIGID_STEP = 0.1
 """Step of rigid bodies in 1/g; their motion is smooth, and second order in it."""
+LONGEST_PIECE = 0.5
+"""About how long compiled code goes on by itself [s]."""
 WEAK = 0.01
 """Direct force [6 pi mu a^2 g] between two primaries that hardly moves them."""
 
@@ -175,12 +179,20 @@ def follow(part: Motion, members: NDArray[np.intp], course: Course, posture: Pos
     history, gaps = new_history(part), np.empty((n, n))
     find_gaps(part.positions, part.radii, gaps)
     watch = new_watch(log, course.now - shortcuts.quiet_time if rested and posture is None else course.now)
+    piece = max(200_000 // n**2, 1)
     quiet_time = shortcuts.quiet_time if shortcuts.rigid_rotation or shortcuts.inert else math.inf
     while True:
         recording.keep(course.frames, part, members, course.physics, course.now)
-        bounds = Bounds(shortcuts.separation, quiet_time, course.next_frame, course.end, course.most_steps)
         group = Group(part, history, gaps, work)
-        code = follow_steps(group, course.flow, course.physics, course.options, log, watch, bounds)
+        while True:
+            # In pieces, as compiled code hears no signal; where it is cut touches no bit.
+            began = clock.monotonic()
+            most = min(course.most_steps, int(log.steps[0]) + piece)
+            bounds = Bounds(shortcuts.separation, quiet_time, course.next_frame, course.end, most)
+            code = follow_steps(group, course.flow, course.physics, course.options, log, watch, bounds)
+            if code != TOO_MANY_STEPS or log.steps[0] >= course.most_steps:
+                break
+            piece = 2 * piece if clock.monotonic() - began < LONGEST_PIECE / 4 else max(piece // 2, 1)
         if code == PAUSED:
             continue
         if code != SETTLED:

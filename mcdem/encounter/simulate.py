@@ -17,6 +17,7 @@ import numpy as np
 import threadpoolctl
 
 from mcdem.aggregates.aggregate import Aggregate, centre_of_mass, radii_of, split
+from mcdem.arguments import generator_at_door, offset_at_door, real_number, scene_at_door
 from mcdem.encounter.frames import Frames, new_frames
 from mcdem.encounter.motion import Course, Shortcuts, integrate
 from mcdem.errors import UserError
@@ -26,6 +27,7 @@ from mcdem.hydrodynamics.undisturbed_flow import UndisturbedFlow
 from mcdem.integrators import SCHEMES, state
 from mcdem.integrators.scheme import Scales
 from mcdem.quantities import linear_flows
+from mcdem.quantities.units import shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -65,6 +67,13 @@ class Recorder:
     tension: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0, 0)))
     parent: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     radii: NDArray[np.float64] | None = None
+
+
+def record_at_door(record: object) -> None:
+    """Refuse what cannot keep the course of an encounter; raises `UserError`."""
+    if not isinstance(record, Recorder):
+        raise UserError(f"record = {shown(record)}: expected a Recorder, or None")
+    real_number("record.interval", record.interval, 1e-6, 1e6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,29 +202,28 @@ def simulate_encounter(
     """Follow one encounter to its end.
 
     aggregate_i, aggregate_j : an `Aggregate`, or positions (P, 3) [m] whose contacts are read off the gaps
-    offset : (x0, y0) [m] of j's centre at the start, in other flows as `inflow` says; drawn by the flux if None
-    seed : of the orientations and the offset
+    offset : (x0, y0) of j's centre at the start, in other flows as `inflow` says; numbers in m, text or quantities of pint with
+        a unit; drawn by the flux if None
+    seed : of the orientations and the offset: an integer from 0 on, a `numpy.random.Generator`, or None
     record : keeps the course of the encounter
     orient : False leaves the aggregates in the orientations given
 
-    Raises `UserError` for aggregates that overlap grossly or fall apart, and for an offset that starts in contact.
+    Raises `UserError` for what is no scene, aggregates that overlap grossly or fall apart, an offset outside the start's
+    distance, and a seed or a recorder that cannot be.
     """
-    rng = np.random.default_rng(seed)
-    pair = [
-        a if isinstance(a, Aggregate) else Aggregate.from_positions(scene, a)
-        for a in (aggregate_i, aggregate_j)
-    ]
+    scene_at_door(scene)
+    rng = generator_at_door(seed)
+    if record is not None:
+        record_at_door(record)
+    pair = [Aggregate.at_door(scene, a, name) for name, a in (("i", aggregate_i), ("j", aggregate_j))]
     if orient:
         pair = [a.turned(rng) for a in pair]
     radii, units = radii_of_pair(scene, pair), scene.reduced
     reach = sum(a.outer_radius(scene.suspension.radius) for a in pair)
-    x0, y0 = (
-        linear_flows.draw_offset(scene.flow, reach, rng)
-        if offset is None
-        else (float(offset[0]), float(offset[1]))
-    )
-    if not (math.isfinite(x0) and math.isfinite(y0)):
-        raise UserError(f"offset: ({x0}, {y0}) m, expected two finite lengths in metres")
+    if offset is None:
+        x0, y0 = linear_flows.draw_offset(scene.flow, reach, rng)
+    else:
+        x0, y0 = offset_at_door(scene, offset, reach)
     start, strain, cut = start_of(scene, reach, (x0, y0))
     # In the order of rows whatever the parents' layout: the compiled code exists for one layout only.
     positions = np.ascontiguousarray(np.concatenate([pair[0].positions, pair[1].positions + start]))

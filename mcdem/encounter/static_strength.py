@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcdem.aggregates.aggregate import Aggregate, radii_of
+from mcdem.arguments import scene_at_door
 from mcdem.encounter.motion import analysed
 from mcdem.encounter.simulate import physics_of, springs_of
 from mcdem.integrators.state import Motion
@@ -23,6 +24,8 @@ def worst_loads(scene: Scene, aggregates: Sequence[Aggregate]) -> NDArray[np.flo
     breaks in some orientation.  Tensions are those of statics in a network that is rigid (Maxwell 1864; redundant bonds by
     their stiffness), loaded by the drag at the scene's level of hydrodynamics.
     """
+    scene_at_door(scene)
+    aggregates = [Aggregate.at_door(scene, a, str(k)) for k, a in enumerate(aggregates)]
     flow, physics = physics_of(scene)
     found = np.full(len(aggregates), math.nan)
     for k, aggregate in enumerate(aggregates):

@@ -8,6 +8,7 @@ tensions, so that nothing of the encounter is lost: `read` returns what `write` 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -17,6 +18,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mcdem.errors import DataFileError, UserError
+from mcdem.netcdf.whole_files import CLASSIC, FILES, TRAJECTORY, VTK, XYZ
 
 if TYPE_CHECKING:
     from mcdem.encounter.simulate import EncounterResult, Recorder
@@ -208,49 +210,57 @@ def write(trajectory: Trajectory, path: Path | str) -> None:
             **t.origin,
         },
     )
-    data.to_netcdf(path, format="NETCDF3_64BIT", engine="scipy", unlimited_dims=["frame"])
+    FILES.write_dataset(
+        path,
+        TRAJECTORY,
+        {"": data},
+        format="NETCDF3_64BIT",
+        engine="scipy",
+        unlimited_dims=["frame"],
+    )
 
 
 def is_trajectory(path: Path | str) -> bool:
     """Whether a file is a NetCDF trajectory in the AMBER convention."""
     try:
-        with xr.open_dataset(path, decode_times=False) as data:
-            return data.attrs.get("Conventions") == "AMBER"
+        if not Path(path).is_file():
+            return False
+        with Path(path).open("rb") as file:
+            header = file.read(1 << 16)
     except (OSError, ValueError):
         return False
+    return header.startswith(CLASSIC) and b"AMBER" in header
 
 
+EXPECTED = "what `mcdem encounter --trajectory` writes"
 OURS = {"scene", "outcome", "offset", "seed", "command", "source"}
 
 
 def read(path: Path | str) -> Trajectory:
     """The trajectory that `write` wrote; raises `DataFileError` for any other file."""
-    try:
-        with xr.open_dataset(path, decode_times=False, mask_and_scale=False) as data:
-            if data.attrs.get("Conventions") != "AMBER" or "bond_tension" not in data:
-                raise DataFileError(
-                    f"{path}: not an encounter's trajectory; expected what `mcdem encounter --trajectory` writes"
-                )
-            data.load()
-    except (OSError, ValueError) as problem:
-        raise DataFileError(f"{path}: cannot be read as NetCDF ({problem})") from None
-    positions, radii = data["coordinates"].values * ANGSTROM, data["radius"].values[0] * ANGSTROM
-    frames, atoms = positions.shape[:2]
-    tension = np.full((frames, atoms, atoms), np.nan)
-    frame, slot = np.nonzero(data["bond"].values[..., 0] != NO_BOND)
-    i, j = data["bond"].values[frame, slot].T
-    tension[frame, i, j] = tension[frame, j, i] = data["bond_tension"].values[frame, slot]
-    return Trajectory(
-        float(data.attrs["primary_radius"]),
-        float(data.attrs["shear_rate"]),
-        float(data.attrs["pull_off_force"]),
-        data["time"].values * PICOSECOND,
-        positions,
-        tension,
-        data["parent"].values[0].astype(np.int64),
-        {name: str(value) for name, value in data.attrs.items() if name in OURS},
-        None if np.allclose(radii, float(data.attrs["primary_radius"]), rtol=1e-9, atol=0.0) else radii,
-    )
+    with FILES.reading(path, EXPECTED):
+        with xr.open_dataset(path, decode_times=False, mask_and_scale=False) as opened:
+            data = opened.load()
+        if data.attrs.get("Conventions") != "AMBER" or "bond_tension" not in data:
+            raise DataFileError(f"{path}: not an encounter's trajectory; expected {EXPECTED}")
+        positions, radii = data["coordinates"].values * ANGSTROM, data["radius"].values[0] * ANGSTROM
+        frames, atoms = positions.shape[:2]
+        tension = np.full((frames, atoms, atoms), np.nan)
+        frame, slot = np.nonzero(data["bond"].values[..., 0] != NO_BOND)
+        i, j = data["bond"].values[frame, slot].T
+        tension[frame, i, j] = tension[frame, j, i] = data["bond_tension"].values[frame, slot]
+        return Trajectory(
+            float(data.attrs["primary_radius"]),
+            float(data.attrs["shear_rate"]),
+            float(data.attrs["pull_off_force"]),
+            data["time"].values * PICOSECOND,
+            positions,
+            tension,
+            data["parent"].values[0].astype(np.int64),
+            {name: str(value) for name, value in data.attrs.items() if name in OURS},
+            None if np.allclose(radii, float(data.attrs["primary_radius"]), rtol=1e-9, atol=0.0) else radii,
+        )
+    raise AssertionError  # the guard lets nothing pass in silence
 
 
 # Other formats
@@ -260,7 +270,7 @@ def write_extended_xyz(trajectory: Trajectory, path: Path | str) -> None:
     """Extended XYZ, lengths in angstrom: parent, coordination and largest tension [nN] of every primary, a frame each."""
     t = trajectory
     columns = "species:S:1:pos:R:3:radius:R:1:parent:I:1:coordination_number:I:1:largest_tension_nN:R:1"
-    with Path(path).open("w", encoding="utf-8") as file:
+    with FILES.replacing(path, XYZ) as beside, beside.open("w", encoding="utf-8") as file:
         for k in range(t.frames):
             file.write(f"{len(t.parent)}\n")
             file.write(f'Properties={columns} Time={t.time[k]:.9e} Strain={t.strain[k]:.6f} pbc="F F F"\n')
@@ -274,13 +284,13 @@ def write_extended_xyz(trajectory: Trajectory, path: Path | str) -> None:
 def write_vtk(trajectory: Trajectory, directory: Path | str) -> list[Path]:
     """One legacy VTK file a frame, for ParaView: primaries as points, bonds as lines, lengths in micrometres.
 
-    Point data: radius, parent, coordination_number; cell data: tension [nN] (vertices carry 0).
+    Point data: radius, parent, coordination_number; cell data: tension [nN] (vertices carry 0).  The frames that the folder holds
+    go, when all of these are written.
     """
-    directory = Path(directory)
-    directory.mkdir(parents=True, exist_ok=True)
-    t, written = trajectory, []
+    t = trajectory
     digits = max(4, len(str(t.frames)))
-    for k in range(t.frames):
+
+    def text(k: int) -> str:
         pairs, tension = t.bonds(k)
         atoms = len(t.parent)
         lines = [
@@ -309,16 +319,42 @@ def write_vtk(trajectory: Trajectory, directory: Path | str) -> list[Path]:
             ("coordination_number", "int", t.coordination_number[k]),
         ):
             lines += [f"SCALARS {name} {kind} 1", "LOOKUP_TABLE default", *(str(v) for v in values)]
-        file = directory / f"frame_{k:0{digits}d}.vtk"
-        file.write_text("\n".join(lines) + "\n", encoding="ascii")
-        written.append(file)
-    return written
+        return "\n".join(lines) + "\n"
+
+    names = [f"frame_{k:0{digits}d}.vtk" for k in range(t.frames)]
+    with FILES.filling(directory, VTK, FRAMES) as beside:
+        for k, name in enumerate(names):
+            (beside / name).write_text(text(k), encoding="ascii")
+    return [Path(directory) / name for name in names]
+
+
+FRAMES = "frame_[0-9]*.vtk"
+"""Files of a folder that are frames."""
+
+
+def check(path: Path | str, *, overwrite: bool = True) -> None:
+    """Raise `UserError` where no trajectory of this name may be written."""
+    path = Path(path)
+    _writer(path)
+    kind = {".nc": TRAJECTORY, ".xyz": XYZ, ".extxyz": XYZ}.get(path.suffix.lower())
+    if kind is not None:
+        FILES.check(path, kind, overwrite=overwrite)
+        return
+    if path.exists() and not path.is_dir():
+        raise DataFileError(f"{path}: a file, expected a folder's name for VTK files")
+    for file in sorted(path.glob(FRAMES)):
+        FILES.check(file, VTK, overwrite=overwrite)
 
 
 def export(trajectory: Trajectory, path: Path | str) -> None:
     """Write in the format that the name asks for: .nc, .xyz, or a folder of VTK files; raises `UserError`."""
     path = Path(path)
-    writers = {
+    check(path)
+    _writer(path)(trajectory, path)
+
+
+def _writer(path: Path) -> Callable[[Trajectory, Path], Any]:
+    writers: dict[str, Callable[[Trajectory, Path], Any]] = {
         ".nc": write,
         ".xyz": write_extended_xyz,
         ".extxyz": write_extended_xyz,
@@ -327,7 +363,4 @@ def export(trajectory: Trajectory, path: Path | str) -> None:
     }
     if path.suffix.lower() not in writers:
         raise UserError(f"{path}: expected a name that ends in .nc or .xyz, or a folder's name for VTK files")
-    try:
-        writers[path.suffix.lower()](trajectory, path)
-    except OSError as problem:
-        raise UserError(f"{path}: cannot be written ({problem.strerror or problem})") from None
+    return writers[path.suffix.lower()]

@@ -22,6 +22,7 @@ from mcdem.figures import (
 )
 from mcdem.figures.figure import Figure
 from mcdem.figures.style import look
+from mcdem.netcdf.whole_files import FILES
 
 OF_ALL_RUNS = (
     growth.mean_size,
@@ -69,7 +70,7 @@ def figures_of(runs: Sequence[Run], trajectories: Sequence[Trajectory] = ()) -> 
 
 
 def draw_all(files: Sequence[Path], directory: Path) -> Iterator[Path]:
-    """Write every figure and its numbers into the directory; yields each picture as it is done.
+    """Write every figure and its numbers into the directory, over those that it wrote before; yields each picture as it is done.
 
     files : datasets of `mcdem run`, and trajectories of `mcdem encounter`, in any order
     """
@@ -83,14 +84,9 @@ def draw_all(files: Sequence[Path], directory: Path) -> Iterator[Path]:
         run.scene.require_one_radius("the paper's figures are of such; `mcdem plot` draws its course")
         if not run.events.sizes["event"]:
             raise UserError(f"{run.path}: holds no encounter yet; let `mcdem run` go on with --resume")
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise UserError(
-            f"{directory}: cannot be made a folder ({problem.strerror}); name another with -o"
-        ) from None
-    for figure in figures_of(runs, trajectories):
-        yield figure.save(directory)
+    with FILES.folder(directory):
+        for figure in figures_of(runs, trajectories):
+            yield figure.save(directory)
 
 
 def plot_run(file: Path, output: Path) -> None:
@@ -98,7 +94,4 @@ def plot_run(file: Path, output: Path) -> None:
     numbers = growth.course(Run(file))
     with look():
         canvas = growth.draw_course(numbers)
-        try:
-            canvas.savefig(output)
-        except (OSError, ValueError) as problem:
-            raise UserError(f"{output}: cannot be written: {problem}") from None
+        FILES.write_picture(output, canvas)

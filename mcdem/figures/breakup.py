@@ -11,7 +11,7 @@ from matplotlib.figure import Figure as Canvas
 from mcdem.analysis import paper
 from mcdem.analysis.breakup import READINGS, in_reading
 from mcdem.analysis.dataset import Run, by_stress, pool, pooled_breakups
-from mcdem.analysis.statistics import fit_power_law
+from mcdem.analysis.statistics import OF_MEANS, fit_power_law, shares, why_no_fit
 from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.style import BLACK, GREY, READING, canvas, legend
 
@@ -28,7 +28,7 @@ def critical_size(runs: Sequence[Run]) -> Figure:
     deviation = [np.mean([run.average("size_deviation").mean for run in group]) for group in groups.values()]
     numbers = xr.Dataset(coords={"stress": quantity(stresses, "stress", "Pa", "shear stress")})
     numbers["mean_size"] = quantity(mean, "stress", "1", "<P> at steady state")
-    numbers["mean_size_error"] = quantity(error, "stress", "1", "standard error of <P>")
+    numbers["mean_size_error"] = quantity(error, "stress", "1", "<P> +- 2 of these are its 95 % limits")
     numbers["size_deviation"] = quantity(deviation, "stress", "1", "sigma_P")
     numbers["steady"] = ("stress", [all(run.steady.reached for run in group) for group in groups.values()])
     numbers = numbers.assign_coords(reading=list(READINGS))
@@ -36,7 +36,7 @@ def critical_size(runs: Sequence[Run]) -> Figure:
     for name, words in (
         ("P_br", "mean number of primaries of what broke"),
         ("P_br_deviation", "its standard deviation over the breakups"),
-        ("P_br_error", "its standard error"),
+        ("P_br_error", "P_br +- 2 of these are its 95 % limits"),
         ("collider_size", "mean number of primaries of each of the two aggregates"),
         ("breakups", "number of breakups"),
     ):
@@ -49,19 +49,15 @@ def critical_size(runs: Sequence[Run]) -> Figure:
     }
     for name, values in series.items():
         known = np.isfinite(values)
-        fit = fit_power_law(stresses[known], values[known]) if known.sum() >= 2 else None
-        if fit is None and known.sum() == 2:  # through two points: an exponent without limits
-            slope = float(np.diff(np.log(values[known]))[0] / np.diff(np.log(stresses[known]))[0])
-            limits = [slope, np.nan, np.nan]
-        else:
-            limits = [fit.exponent, fit.exponent_low, fit.exponent_high] if fit else [np.nan] * 3
+        fit = fit_power_law(stresses[known], values[known], minimum=OF_MEANS) if known.any() else None
+        limits = [fit.exponent, fit.exponent_low, fit.exponent_high] if fit else [np.nan] * 3
         numbers[f"exponent_{name}"] = quantity(
             -np.array(limits), "limit", "1", "breakup exponent q, 95 % limits"
         )
     return Figure(
         "fig15_critical_size",
         "Size before breakup, under each reading, and mean size at steady state against shear stress.",
-        numbers,
+        numbers.assign_attrs(no_exponent=why_no_fit(stresses, minimum=OF_MEANS)),
         draw_critical_size,
     )
 
@@ -139,7 +135,8 @@ def draw_critical_size(numbers: xr.Dataset) -> Canvas:
     axes.set_xlabel(r"shear stress  $\mu\dot\gamma$ [Pa]")
     axes.set_ylabel("number of primaries")
     steady = "" if bool(numbers["steady"].all()) else "; not all runs are steady"
-    legend(axes, f"bars: standard deviation\nsmall numbers: breakups{steady}", loc="upper right")
+    missing = f"\n{numbers.attrs['no_exponent']}" if numbers.attrs["no_exponent"] else ""
+    legend(axes, f"bars: standard deviation\nsmall numbers: breakups{steady}{missing}", loc="upper right")
     return figure
 
 
@@ -175,19 +172,20 @@ def largest_fragment(runs: Sequence[Run]) -> Figure:
 
 
 def draw_largest_fragment(numbers: xr.Dataset) -> Canvas:
-    """A histogram a reading with Poisson errors; the paper's ranges shaded."""
+    """A histogram a reading with 95 % limits; the paper's ranges shaded."""
     figure, axes = canvas(height=3.0)
     low, high = numbers["low"].values, numbers["high"].values
     top = 0.0
 
-    def shares(one: xr.Dataset) -> str:
+    def in_words(one: xr.Dataset) -> str:
         if not int(one["count"].sum()):
             return ""
-        comparable, *erosion = (
-            float(one[name])
-            for name in ("fragmentation_share", "erosion_share", "erosion_share_low", "erosion_share_high")
-        )
-        return "\n0.45 to 0.75: {:.0%}; erosion: {:.0%} [{:.0%}, {:.0%}]".format(comparable, *erosion)
+        told = [
+            float(one[f"{name}_share{limit}"])
+            for name in ("fragmentation", "erosion")
+            for limit in ("", "_low", "_high")
+        ]
+        return "\n0.45 to 0.75: {:.0%} [{:.0%}, {:.0%}]\nerosion: {:.0%} [{:.0%}, {:.0%}]".format(*told)
 
     for side, reading in zip((-1, 0, 1), READINGS, strict=True):
         colour, words = READING[reading]
@@ -202,18 +200,13 @@ def draw_largest_fragment(numbers: xr.Dataset) -> Canvas:
             color=colour,
             alpha=0.7,
             lw=0,
-            label=f"{words}: {count.sum()}{shares(one)}",
+            label=f"{words}: {count.sum()}{in_words(one)}",
         )
-        seen = count > 0
-        axes.errorbar(
-            x[seen],
-            count[seen] / total,
-            np.sqrt(count[seen]) / total,
-            fmt="none",
-            ecolor=BLACK,
-            elinewidth=0.5,
-        )
-        top = max(top, ((count + np.sqrt(count)) / total).max())
+        if not count.any():
+            continue
+        value, lowest, highest = shares(count, int(total))
+        axes.errorbar(x, value, [value - lowest, highest - value], fmt="none", ecolor=BLACK, elinewidth=0.5)
+        top = max(top, highest.max())
     if numbers.attrs["paper"]:
         axes.axvspan(
             *paper.COMPARABLE_FRAGMENTS,

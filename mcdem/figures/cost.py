@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from mcdem.analysis.accuracy_cost import REFERENCE, Price, front
-from mcdem.errors import UserError
 from mcdem.figures.style import BLACK, GREY, MARKERS, canvas, colour, legend, look
+from mcdem.netcdf.whole_files import FILES
 
 FLOOR = 1e-5
 """Errors below are drawn here: what nothing distinguishes from the reference has no place on a logarithmic axis."""
@@ -80,7 +80,4 @@ def draw_front(prices: Sequence[Price], path: Path, name: str, count: int) -> No
             loc="center left",
             bbox_to_anchor=(1.0, 0.5),
         )
-        try:
-            figure.savefig(path)
-        except (OSError, ValueError) as problem:
-            raise UserError(f"{path}: the figure cannot be written ({problem})") from None
+        FILES.write_picture(path, figure)

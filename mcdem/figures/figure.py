@@ -13,6 +13,7 @@ import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
 from mcdem.figures.style import look
+from mcdem.netcdf.whole_files import FILES
 
 Draw = Callable[[xr.Dataset], Canvas]
 
@@ -34,8 +35,8 @@ class Figure:
         """Write ``NAME.png`` and ``NAME.nc`` into the directory; returns the picture's path."""
         picture = directory / f"{self.name}.png"
         with look():
-            self.draw(self.numbers).savefig(picture)
-        self.numbers.assign_attrs(caption=self.caption).to_netcdf(directory / f"{self.name}.nc")
+            FILES.write_picture(picture, self.draw(self.numbers))
+        FILES.write_numbers(directory / f"{self.name}.nc", self.numbers.assign_attrs(caption=self.caption))
         return picture
 
 

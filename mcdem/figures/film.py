@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import matplotlib as mpl
@@ -18,6 +18,7 @@ from mcdem.errors import UserError
 from mcdem.figures.encounter import PARENTS, components
 from mcdem.figures.render import SHEAR_PLANE, Camera, Canvas
 from mcdem.figures.style import GREY, look
+from mcdem.netcdf.whole_files import FILES, FILM
 
 FRAMES_PER_SECOND = 25
 FORMATS = {".mp4": "imageio-ffmpeg", ".gif": "pillow"}
@@ -119,34 +120,71 @@ def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
             yield np.asarray(agg.buffer_rgba())[:, :, :3].copy()
 
 
-def film(trajectory: Trajectory, path: Path | str, width: int | None = None, whole: bool = False) -> Path:
+def film(
+    trajectory: Trajectory,
+    path: Path | str,
+    width: int | None = None,
+    whole: bool = False,
+    progress: Callable[[str, float], None] = lambda state, share: None,
+) -> Path:
     """Write an encounter as MP4 (H.264) or GIF, by the file's ending; returns the path.
 
     width : of the picture in pixels, 720 for MP4 and 440 for GIF by default
     whole : from the first frame to the last, not only from shortly before contact to shortly after the last change
+    progress : called with each picture that is drawn, in words, and the share of them that are
     """
     path = Path(path)
-    if path.suffix.lower() not in FORMATS:
-        raise UserError(f"{path}: a film ends in {' or '.join(FORMATS)}")
+    require_writer(path)
+    check(path)
     course = trajectory if whole else interesting(trajectory)
-    try:
+    with FILES.replacing(path, FILM) as beside:
         if path.suffix.lower() == ".gif":
-            _write_gif(course, path, width or 440)
+            _write_gif(course, beside, width or 440, progress)
         else:
-            _write_mp4(course, path, width or 720)
-    except OSError as problem:
-        raise UserError(f"{path}: cannot be written: {problem}") from None
+            _write_mp4(course, beside, width or 720, progress)
     return path
 
 
-def _write_mp4(course: Trajectory, path: Path, width: int) -> None:
-    try:
-        import imageio_ffmpeg
-    except ImportError:
-        raise UserError(
-            f'{path}: MP4 needs imageio-ffmpeg: pip install "pbekit[view]", or name a .gif'
-        ) from None
-    pictures = frames(course, width - width % 2)
+def check(path: Path | str, *, overwrite: bool = True) -> None:
+    """Raise `UserError` where no film of this name may be written."""
+    path = Path(path)
+    require_format(path)
+    FILES.check(path, FILM, overwrite=overwrite)
+
+
+def require_format(path: Path) -> None:
+    """Raise `UserError` where the name is none of a film."""
+    if path.suffix.lower() not in FORMATS:
+        raise UserError(f"{path}: a film ends in {' or '.join(FORMATS)}")
+
+
+def require_writer(path: Path) -> None:
+    """Raise `UserError` where a film of that name cannot be made here; to be asked before anything is computed for it."""
+    require_format(path)
+    if path.suffix.lower() == ".mp4":
+        try:
+            import imageio_ffmpeg
+
+            imageio_ffmpeg.get_ffmpeg_exe()
+        except (ImportError, RuntimeError) as problem:
+            raise UserError(
+                f'{path}: MP4 needs imageio-ffmpeg ({problem}): pip install "pbekit[view]", or name a .gif'
+            ) from None
+
+
+Told = Callable[[str, float], None]
+
+
+def _told(pictures: Iterator[NDArray[np.uint8]], count: int, progress: Told) -> Iterator[NDArray[np.uint8]]:
+    for number, picture in enumerate(pictures, start=1):
+        progress(f"{number} of {count} pictures", number / count)
+        yield picture
+
+
+def _write_mp4(course: Trajectory, path: Path, width: int, progress: Told) -> None:
+    import imageio_ffmpeg
+
+    pictures = _told(frames(course, width - width % 2), course.frames, progress)
     first = next(pictures)
     height = first.shape[0] - first.shape[0] % 2
     writer = imageio_ffmpeg.write_frames(
@@ -156,22 +194,41 @@ def _write_mp4(course: Trajectory, path: Path, width: int) -> None:
         codec="libx264",
         quality=None,
         macro_block_size=2,
-        output_params=["-crf", "23", "-preset", "medium", "-threads", "1"],
-        ffmpeg_log_level="error",
+        output_params=[
+            *("-crf", "23", "-preset", "medium", "-threads", "1"),
+            *("-metadata", f"comment=written by {FILES.signature}", "-f", "mp4"),
+        ],
+        ffmpeg_log_level="quiet",
     )
     writer.send(None)
     writer.send(np.ascontiguousarray(first[:height]))
     for picture in pictures:
         writer.send(np.ascontiguousarray(picture[:height]))
     writer.close()
+    if not _is_whole(path):  # ffmpeg's end is not told by what drives it
+        raise OSError("ffmpeg could not finish the film")
 
 
-def _write_gif(course: Trajectory, path: Path, width: int) -> None:
+def _is_whole(path: Path) -> bool:
+    """Whether the boxes of an MP4 fill its file and the one that names the frames is among them."""
+    content, place, names = path.read_bytes(), 0, set()
+    while place + 8 <= len(content):
+        length, name = int.from_bytes(content[place : place + 4], "big"), content[place + 4 : place + 8]
+        if length == 1:
+            length = int.from_bytes(content[place + 8 : place + 16], "big")
+        if length < 8:
+            return False
+        names.add(name)
+        place += length
+    return place == len(content) and b"moov" in names
+
+
+def _write_gif(course: Trajectory, path: Path, width: int, progress: Told) -> None:
     from PIL import Image
 
     every = max(1, round(course.frames / 110))  # a page loads so many small pictures without a wait
     course = course.part(0, course.frames, every)
-    images = [Image.fromarray(picture) for picture in frames(course, width)]
+    images = [Image.fromarray(picture) for picture in _told(frames(course, width), course.frames, progress)]
     # One palette for all, or the background would flicker.
     palette = images[len(images) // 2].quantize(colors=64, method=Image.Quantize.MEDIANCUT)
     small = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
@@ -182,4 +239,6 @@ def _write_gif(course: Trajectory, path: Path, width: int) -> None:
         duration=round(1000 * every / FRAMES_PER_SECOND),
         loop=0,
         optimize=True,
+        format="GIF",
+        comment=f"written by {FILES.signature}".encode(),
     )

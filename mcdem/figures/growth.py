@@ -45,7 +45,10 @@ def history(runs: Sequence[Run], name: str, scale: float = 1.0) -> xr.Dataset:
             "steady_start": quantity([a.start for a in averages], "run", "s", "start of the steady stretch"),
             "steady_mean": quantity([a.mean * scale for a in averages], "run", "1", "mean from there on"),
             "steady_error": quantity(
-                [a.error * scale for a in averages], "run", "1", "its standard error, by blocks"
+                [a.error * scale for a in averages],
+                "run",
+                "1",
+                "mean +- 2 of these are its 95 % limits, by blocks",
             ),
             "steady": ("run", [run.steady.reached for run in runs]),
             "stress": quantity([run.stress for run in runs], "run", "Pa", "shear stress"),
@@ -74,7 +77,7 @@ def _lines(axes, numbers: xr.Dataset, name: str) -> None:
     note(
         axes,
         f"{int(numbers['events'].sum())} encounters, {runs} run{'s' * (runs > 1)}, {steady} steady"
-        + ("; bands: mean $\\pm$ 2 errors" if steady else ""),
+        + ("; bands: 95 % limits" if steady else ""),
     )
 
 

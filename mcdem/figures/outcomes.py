@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
 from mcdem.analysis.dataset import Run
-from mcdem.analysis.statistics import share
+from mcdem.analysis.statistics import count_limits, share, shares
 from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.style import BLACK, GREY, OUTCOME, canvas, legend
 
@@ -180,11 +180,11 @@ def draw_first_bond_loss(numbers: xr.Dataset) -> Canvas:
             label=f"{kind}: {len(lost)} of {total}",
         )
         if len(lost):
-            scatter = np.sqrt(left * (1 - left) / total)
+            _, low, high = shares(total - np.arange(len(lost) + 1), int(total))
             axes.fill_between(
                 np.concatenate([[1e-2], lost]),
-                left - scatter,
-                left + scatter,
+                low,
+                high,
                 step="post",
                 color=colour,
                 alpha=0.2,
@@ -199,7 +199,7 @@ def draw_first_bond_loss(numbers: xr.Dataset) -> Canvas:
     axes.set_xlabel(r"strain since contact  $\dot\gamma t$")
     axes.set_ylabel("share with all bonds yet")
     # Above the axes: the curves may go anywhere.
-    legend(axes, "lost a bond, of all; bands: binomial", loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+    legend(axes, "lost a bond, of all; bands: 95 %", loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     return figure
 
 
@@ -230,13 +230,11 @@ def draw_bond_tension(numbers: xr.Dataset) -> Canvas:
             continue
         count = np.histogram(tension[chosen], edges)[0]
         density = count / chosen.sum() / (edges[1] - edges[0])
-        scatter = density / np.sqrt(np.maximum(count, 1))
+        low, high = (limit / chosen.sum() / (edges[1] - edges[0]) for limit in count_limits(count))
         axes.plot(
             middle, density, color=colour, drawstyle="steps-mid", lw=0.9, label=f"{kind}: {chosen.sum()}"
         )
-        axes.fill_between(
-            middle, density - scatter, density + scatter, step="mid", color=colour, alpha=0.2, lw=0
-        )
+        axes.fill_between(middle, low, high, step="mid", color=colour, alpha=0.2, lw=0)
     axes.axvline(1.0, color=BLACK, lw=0.6, ls=":")
     axes.text(1.0, 1.01, "pull-off", transform=axes.get_xaxis_transform(), fontsize=5.5, ha="center")
     axes.set_yscale("symlog", linthresh=1.0)
@@ -246,5 +244,5 @@ def draw_bond_tension(numbers: xr.Dataset) -> Canvas:
     axes.set_xlabel(r"largest tension of an encounter over  $F_{adh}$")
     axes.set_ylabel("probability density")
     axes.set_ylim(0, 6 * axes.get_ylim()[1])
-    legend(axes, "encounters; bands: Poisson", loc="upper left")
+    legend(axes, "encounters; bands: 95 %, Poisson", loc="upper left")
     return figure

@@ -22,6 +22,7 @@ from mcdem.figures import figures_of
 from mcdem.figures.growth import van_de_ven_mason
 from mcdem.figures.outcomes import pull_off_force
 from mcdem.figures.style import look
+from mcdem.netcdf.whole_files import FILES
 from mcdem.scene import describe
 
 BOLTZMANN, ROOM_TEMPERATURE = 1.380649e-23, 298.15
@@ -146,6 +147,7 @@ def report(file: Path | str) -> str:
     environment.filters["number"] = lambda x: "–" if x != x else f"{x:.4g}"
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
         run=run,
+        generator=FILES.signature,
         parameters=parameters(run),
         groups=dimensionless_groups(run),
         outcomes=outcomes(run),

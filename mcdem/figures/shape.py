@@ -9,8 +9,8 @@ import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
 from mcdem.analysis import paper
-from mcdem.analysis.dataset import Run, pool
-from mcdem.analysis.statistics import GIVENS, PowerLaw, fit_mass_size
+from mcdem.analysis.dataset import Run, origins, pool
+from mcdem.analysis.statistics import GIVENS, SMALLEST_FITTED, PowerLaw, fit_mass_size, shares, why_no_fit
 from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.size_distribution import stretch
 from mcdem.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, canvas, legend, note
@@ -47,8 +47,12 @@ def mass_size(runs: Sequence[Run]) -> Figure:
     lengths = {"gyration": "radius_of_gyration", "outer": "outer_radius"}
 
     def fits(population: xr.Dataset) -> list[list[list[float]]]:
+        same = origins(population)
         return [
-            [_row(fit_mass_size(population["size"], population[name], a, given)) for name in lengths.values()]
+            [
+                _row(fit_mass_size(population["size"], population[name], a, given, same))
+                for name in lengths.values()
+            ]
             for given in GIVENS
         ]
 
@@ -59,6 +63,10 @@ def mass_size(runs: Sequence[Run]) -> Figure:
         "1",
         "P = k (length/a)^d over P > 3 by either regression, with 95 % limits, last snapshot",
     )
+    of = found["size"].values >= SMALLEST_FITTED
+    same = origins(found)[of]
+    law = fit_mass_size(found["size"], found["radius_of_gyration"], a, origin=origins(found))
+    rests_on = law.rests_on if law else why_no_fit(found["size"].values[of], same)
     run = runs[0]
     chosen = np.unique(np.linspace(0, len(run.snapshot_times) - 1, MOST_SNAPSHOTS).round().astype(int))
     course = []
@@ -71,7 +79,9 @@ def mass_size(runs: Sequence[Run]) -> Figure:
     return Figure(
         "fig09_mass_size",
         f"Primaries per aggregate against radius of gyration at {run.label}; inset: exponents in time.",
-        numbers.assign_attrs(primary_radius=a, paper=int(paper.holds_for(run.scene, 1000.0))),
+        numbers.assign_attrs(
+            primary_radius=a, rests_on=rests_on, paper=int(paper.holds_for(run.scene, 1000.0))
+        ),
         draw_mass_size,
     )
 
@@ -106,7 +116,11 @@ def draw_mass_size(numbers: xr.Dataset) -> Canvas:
     axes.xaxis.set_minor_formatter("{x:g}")
     axes.yaxis.set_major_formatter("{x:g}")
     axes.tick_params(axis="x", which="minor", labelsize=6)
-    legend(axes, f"{fitted.sum()} aggregates of $P > 3$ fitted, [95 % limits]", loc="lower right")
+    legend(
+        axes,
+        f"{fitted.sum()} aggregates of $P > 3$, [95 % limits];\n{numbers.attrs['rests_on']}",
+        loc="lower right",
+    )
 
     inset = axes.inset_axes((0.10, 0.60, 0.55, 0.36))
     t = numbers["snapshot_time"].values
@@ -206,7 +220,7 @@ def aspect_distribution(runs: Sequence[Run]) -> Figure:
         for run in runs
         for one in (run.population(k, rigidity=False) for k in run.late_snapshots)
     ]
-    shares = np.array([h / max(h.sum(), 1) for h in late])
+    by_snapshot = np.array([h / max(h.sum(), 1) for h in late])
     numbers = xr.Dataset(
         {
             "count": quantity(
@@ -214,12 +228,12 @@ def aspect_distribution(runs: Sequence[Run]) -> Figure:
             ),
             "low": quantity(edges[:-1], "bin", "1", "aspect ratio from"),
             "high": quantity(edges[1:], "bin", "1", "aspect ratio to"),
-            "steady_share": quantity(shares.mean(axis=0), "bin", "1", "share over the steady stretch"),
+            "steady_share": quantity(by_snapshot.mean(axis=0), "bin", "1", "share over the steady stretch"),
             "steady_scatter": quantity(
-                shares.std(axis=0), "bin", "1", "its standard deviation over snapshots"
+                by_snapshot.std(axis=0), "bin", "1", "its standard deviation over snapshots"
             ),
         },
-        attrs={"snapshots": len(shares), "stretch": stretch(runs), **found.attrs},
+        attrs={"snapshots": len(by_snapshot), "stretch": stretch(runs), **found.attrs},
     )
     return Figure(
         "fig12a_aspect_ratio",
@@ -230,17 +244,19 @@ def aspect_distribution(runs: Sequence[Run]) -> Figure:
 
 
 def draw_aspect_distribution(numbers: xr.Dataset) -> Canvas:
-    """Density with Poisson errors; the paper's ranges shaded."""
+    """Density with 95 % limits; the paper's ranges shaded."""
     figure, axes = canvas()
     count, low, high = (numbers[n].values for n in ("count", "low", "high"))
     total, step = max(count.sum(), 1), high - low
     middle = 0.5 * (low + high)
     axes.bar(middle, count / total / step, 0.92 * step, color=BLUE, alpha=0.55, lw=0, label="last snapshot")
     seen = count > 0
+    within = np.arange(len(count)) <= (np.flatnonzero(seen)[-1] if seen.any() else -1)
+    value, lowest, highest = shares(count, int(total)) / step
     axes.errorbar(
-        middle[seen],
-        (count / total / step)[seen],
-        (np.sqrt(count) / total / step)[seen],
+        middle[within],
+        value[within],
+        np.abs([lowest - value, highest - value])[:, within],
         fmt="none",
         ecolor=GREY,
         elinewidth=0.6,
@@ -255,12 +271,12 @@ def draw_aspect_distribution(numbers: xr.Dataset) -> Canvas:
         axes.axvspan(*paper.SLIGHTLY_ELONGATED, color=VERMILION, alpha=0.08, lw=0, label="paper: most")
         axes.axvline(paper.RODS_ABOVE, ymax=0.6, color=VERMILION, ls="--", lw=0.7, label="paper: rods above")
     axes.set_xlim(1, min(8.25, max(4.0, high[count > 0].max() if seen.any() else 4)))
-    axes.set_ylim(0, 1.6 * max(np.max((count + np.sqrt(count)) / total / step), 0.1))
+    axes.set_ylim(0, 1.6 * max(np.max(highest[within], initial=0.0), 0.1))
     axes.set_xlabel("aspect ratio  A.R.")
     axes.set_ylabel("probability density")
     legend(
         axes,
-        f"{count.sum()} aggregates of $P > 2$; bars: Poisson\n1.25 to 2.00: {count[between].sum() / total:.0%}, "
+        f"{count.sum()} aggregates of $P > 2$; bars: 95 %\n1.25 to 2.00: {count[between].sum() / total:.0%}, "
         f"above 2.50: {count[rods].sum() / total:.0%}",
     )
     return figure

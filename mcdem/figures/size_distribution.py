@@ -10,6 +10,7 @@ from matplotlib.figure import Figure as Canvas
 from scipy import stats
 
 from mcdem.analysis.dataset import Run
+from mcdem.analysis.statistics import shares
 from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.style import BLACK, BLUE, GREY, VERMILION, canvas, legend
 
@@ -19,14 +20,14 @@ def late_shares(runs: Sequence[Run], values_of: str, edges: np.ndarray) -> tuple
 
     The scatter is between whole populations at different times, not between aggregates: it holds for correlated ones.
     """
-    shares = []
+    found = []
     for run in runs:
         for k in run.late_snapshots:
             values = run.population(k, rigidity=False)[values_of].values
             if values_of == "outer_radius":
                 values = values / run.radius
-            shares.append(np.histogram(values, edges)[0] / len(values))
-    table = np.array(shares)
+            found.append(np.histogram(values, edges)[0] / len(values))
+    table = np.array(found)
     return table.mean(axis=0), table.std(axis=0), len(table)
 
 
@@ -66,15 +67,13 @@ def by_primaries(runs: Sequence[Run]) -> Figure:
 
 
 def draw_by_primaries(numbers: xr.Dataset) -> Canvas:
-    """Shares of the last snapshot with Poisson errors, mean of the steady stretch, log-normal of the aggregates."""
+    """Shares of the last snapshot with 95 % limits, mean of the steady stretch, log-normal of the aggregates."""
     figure, axes = canvas()
     p, count = numbers["size"].values, numbers["count"].values
     total = count.sum()
     axes.bar(p, count / total, 0.9, color=BLUE, alpha=0.55, lw=0, label=f"t = {numbers.attrs['time']:.4g} s")
-    seen = count > 0
-    axes.errorbar(
-        p[seen], count[seen] / total, np.sqrt(count[seen]) / total, fmt="none", ecolor=GREY, elinewidth=0.5
-    )
+    value, lowest, highest = shares(count, int(total))
+    axes.errorbar(p, value, [value - lowest, highest - value], fmt="none", ecolor=GREY, elinewidth=0.5)
     if numbers.attrs["snapshots"] > 1:
         mean, scatter = numbers["steady_share"].values, numbers["steady_scatter"].values
         axes.plot(p, mean, color=BLACK, lw=0.8, drawstyle="steps-mid", label=numbers.attrs["stretch"])
@@ -92,7 +91,7 @@ def draw_by_primaries(numbers: xr.Dataset) -> Canvas:
     axes.set_ylim(0, None)
     legend(
         axes,
-        f"{total} aggregates, {count[0] / total:.0%} monomers\nbars: Poisson; band: over {numbers.attrs['snapshots']} snapshots",
+        f"{total} aggregates, {count[0] / total:.0%} [{lowest[0]:.0%}, {highest[0]:.0%}] monomers\nbars: 95 %; band: over {numbers.attrs['snapshots']} snapshots",
     )
     return figure
 
@@ -129,17 +128,15 @@ def by_radius(runs: Sequence[Run]) -> Figure:
 
 
 def draw_by_radius(numbers: xr.Dataset) -> Canvas:
-    """Shares of the last snapshot with Poisson errors and the mean of the steady stretch."""
+    """Shares of the last snapshot with 95 % limits and the mean of the steady stretch."""
     figure, axes = canvas()
     x, count, step = numbers["radius"].values, numbers["count"].values, numbers.attrs["bin_width"]
     total = count.sum()
     axes.bar(
         x, count / total, 0.9 * step, color=BLUE, alpha=0.55, lw=0, label=f"t = {numbers.attrs['time']:.4g} s"
     )
-    seen = count > 0
-    axes.errorbar(
-        x[seen], count[seen] / total, np.sqrt(count[seen]) / total, fmt="none", ecolor=GREY, elinewidth=0.5
-    )
+    value, lowest, highest = shares(count, int(total))
+    axes.errorbar(x, value, [value - lowest, highest - value], fmt="none", ecolor=GREY, elinewidth=0.5)
     if numbers.attrs["snapshots"] > 1:
         mean, scatter = numbers["steady_share"].values, numbers["steady_scatter"].values
         axes.plot(x, mean, color=BLACK, lw=0.8, drawstyle="steps-mid", label=numbers.attrs["stretch"])
@@ -149,5 +146,5 @@ def draw_by_radius(numbers: xr.Dataset) -> Canvas:
     axes.set_xlim(0.5, None)
     # Room above the bars for the legend.
     axes.set_ylim(0, 1.4 * axes.get_ylim()[1])
-    legend(axes, f"{total} aggregates\nbars: Poisson; band: over {numbers.attrs['snapshots']} snapshots")
+    legend(axes, f"{total} aggregates\nbars: 95 %; band: over {numbers.attrs['snapshots']} snapshots")
     return figure

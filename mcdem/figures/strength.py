@@ -10,7 +10,7 @@ from matplotlib.figure import Figure as Canvas
 
 from mcdem.analysis import paper
 from mcdem.analysis.dataset import Run
-from mcdem.analysis.statistics import SMALLEST_FITTED, fit_power_law
+from mcdem.analysis.statistics import SMALLEST_FITTED, fit_power_law, origins_of
 from mcdem.encounter.static_strength import worst_loads
 from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.style import BLACK, BLUE, GREY, VERMILION, canvas, legend
@@ -20,7 +20,7 @@ MOST_SNAPSHOTS = 8
 
 
 def static_load(runs: Sequence[Run]) -> Figure | None:
-    """Largest static tension over pull-off force against P; None where nothing is rigid."""
+    """Largest static tension over pull-off force against P; None where too few are rigid for a law (`statistics.OF_AGGREGATES`)."""
     sizes, loads = [], []
     for run in runs:
         if run.scene.effects.get("jkr") is None and run.scene.effects.get("dmt") is None:
@@ -32,7 +32,9 @@ def static_load(runs: Sequence[Run]) -> Figure | None:
             loads += worst_loads(run.scene, large).tolist()
     size, load = np.array(sizes), np.array(loads)
     rigid = np.isfinite(load)
-    fit = fit_power_law(size[rigid], load[rigid]) if rigid.any() else None
+    # an aggregate that lives on from one snapshot to the next, or its copy, bears the same
+    same = origins_of(size[rigid], load[rigid])
+    fit = fit_power_law(size[rigid], load[rigid], same)
     if fit is None:
         return None
     numbers = xr.Dataset(
@@ -49,6 +51,7 @@ def static_load(runs: Sequence[Run]) -> Figure | None:
         },
         attrs={
             "floppy": int((~rigid).sum()),
+            "rests_on": fit.rests_on,
             "paper": int(any(paper.holds_for(runs[0].scene, stress) for stress in paper.STRESSES)),
         },
     )
@@ -92,7 +95,7 @@ def draw_static_load(numbers: xr.Dataset) -> Canvas:
     axes.set_ylabel("largest static tension over pull-off force")
     legend(
         axes,
-        f"{len(size)} rigid aggregates; {numbers.attrs['floppy']} floppy; above 1: breaks",
+        f"{len(size)} rigid aggregates, {numbers.attrs['rests_on']};\n{numbers.attrs['floppy']} floppy; above 1: breaks",
         loc="upper left",
     )
     return figure

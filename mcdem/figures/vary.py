@@ -9,8 +9,8 @@ import numpy as np
 
 from mcdem.analysis.accuracy_cost import GIVEN
 from mcdem.analysis.sensitivity import ETA, STRICT, Difference
-from mcdem.errors import UserError
 from mcdem.figures.style import BLUE, GREY, canvas, look
+from mcdem.netcdf.whole_files import FILES
 
 PANELS = (
     (ETA, "$\\eta_{11}$\nrelative difference", 1.0),
@@ -47,7 +47,4 @@ def draw_differences(found: Sequence[Difference], path: Path, name: str) -> None
         figure.suptitle(
             f"{name}: difference to the scene as given, {count} encounters, 95 % limits", fontsize=7
         )
-        try:
-            figure.savefig(path)
-        except (OSError, ValueError) as problem:
-            raise UserError(f"{path}: the figure cannot be written ({problem})") from None
+        FILES.write_picture(path, figure)

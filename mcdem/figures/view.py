@@ -21,6 +21,7 @@ from mcdem.encounter.trajectory import Trajectory
 from mcdem.errors import UserError
 from mcdem.figures.film import half_widths, interesting
 from mcdem.figures.style import ORANGE, SKY
+from mcdem.netcdf.whole_files import FILES
 
 PARENT_COLOURS = np.array([int(to_hex(c)[1:], 16) for c in (SKY, ORANGE)], dtype=np.uint32)
 MOST_FRAMES = 400
@@ -187,7 +188,9 @@ def _page(plot: Any, title: str, legend: str, strain: NDArray[np.float64] | None
     if "<body>" not in page:
         raise RuntimeError("the viewer's page has no <body>: k3d has changed its template")
     return page.replace("<body>", "<body>" + head, 1).replace(
-        "<head>", f"<head><title>{html.escape(title)}</title>", 1
+        "<head>",
+        f'<head><meta name="generator" content="{FILES.signature}"><title>{html.escape(title)}</title>',
+        1,
     )
 
 

@@ -11,7 +11,7 @@ property of the scheme, shown by the stability map, not mended here.
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -37,17 +37,17 @@ from mcdem.integrators.state import (
     note_tension,
 )
 from mcdem.quantities.toml_tables import Table
-from mcdem.quantities.units import PositiveDimensionless, PositiveTime
+from mcdem.quantities.units import DIMENSIONLESS, TIME
 
 
 class Keys(Table):
     """Explicit Euler with the time step of Eq. 20 (Frungieri & Vanni 2021)."""
 
-    base_step: PositiveTime = 1e-6
+    base_step: Annotated[float, TIME.positive.between("1e-15 s", "1e6 s", '"1 us"')] = 1e-6
     """Base time step dt_b (Table 1)."""
     step_velocity: Literal["relative", "normal"] = "relative"
     """Velocity that Eq. 20 bounds: "relative", its literal reading, or "normal", that along the line of centres."""
-    close_gap: PositiveDimensionless = 1.0
+    close_gap: Annotated[float, DIMENSIONLESS.positive.between("1e-9", "1e4", "1")] = 1.0
     """Gap over radius below which Eq. 20 counts two primaries as close; the paper does not say (assumption)."""
 
 

@@ -25,7 +25,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from numba import njit
-from pydantic import Field
 
 from mcdem.effects.sums import contact_force
 from mcdem.hydrodynamics import frozen_far_field
@@ -57,7 +56,7 @@ from mcdem.integrators.state import (
 )
 from mcdem.integrators.step_control import first_try, middle_geometry, too_far
 from mcdem.quantities.toml_tables import Table
-from mcdem.quantities.units import NonNegativeDimensionless, PositiveDimensionless
+from mcdem.quantities.units import DIMENSIONLESS
 
 # Below it a step has failed.  Strong attraction in a weak flow closes the last of a gap, down to where a stiff contact bears
 # it, within 1e-15/g: the clock hardly notices, the primaries do.
@@ -75,11 +74,11 @@ CLOSE_GAP = 0.05
 class Keys(Table):
     """The implicit midpoint scheme."""
 
-    max_step: PositiveDimensionless = 0.2
+    max_step: Annotated[float, DIMENSIONLESS.positive.between("1e-9", "10", "0.2")] = 0.2
     """Longest step, in units of 1/g; half of it while two bodies are near or contacts change."""
-    event_step: PositiveDimensionless = 0.0125
+    event_step: Annotated[float, DIMENSIONLESS.positive.between("1e-12", "10", "0.0125")] = 0.0125
     """Step to which the time of a contact's loss is resolved, in units of 1/g."""
-    far_field_tolerance: Annotated[NonNegativeDimensionless, Field(le=1.0)] = 0.3
+    far_field_tolerance: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1", "0.3")] = 0.3
     """The far field is kept frozen, turning along, until a separation changed by this share of its gap plus a radius; 0: never
     kept.  From about 0.8 on what is predicted from the last steps may run away."""
 

@@ -16,8 +16,8 @@ import netCDF4
 import numpy as np
 
 from mcdem.errors import DataFileError, UserError
-from mcdem.monte_carlo.record import opened, refusing_damage, stretches
-from mcdem.netcdf.whole_files import locked, replacing
+from mcdem.monte_carlo.record import opened, stretches, written
+from mcdem.netcdf.whole_files import FILES, RUN, SEALED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,18 +37,19 @@ def thin(source: Path | str, target: Path | str, every: float | None = None) -> 
     every : time between the snapshots that are kept [s], None for all; the first, the last two, and those that come next
     after each multiple of it
 
-    Raises `DataFileError` where `source` is no whole dataset of `mcdem run`, or `target` is the same file or one that a run is
-    writing; `UserError` where `every` is not above 0.
+    Raises `DataFileError` where `source` is no whole dataset of `mcdem run`, or `target` is the same file, no dataset of
+    `mcdem run`, or one that a run is writing; `UserError` where `every` is not above 0.
     """
     source, target = Path(source), Path(target)
     if every is not None and not 0.0 < every < math.inf:
         raise UserError(f"every = {every}: expected a time above 0, in seconds")
-    if target.exists() and target.samefile(source):
+    if target.exists() and source.exists() and target.samefile(source):
         raise DataFileError(f"{target}: is the dataset to be thinned; give another name")
     kept = "all" if every is None else f"about {every:g} s apart"
     now = datetime.now(UTC).isoformat(timespec="seconds")
     said = f"{now} thinned: reals to {DIGITS} significant bits, snapshots {kept}"
-    with opened(source) as (full,), refusing_damage(source):
+    FILES.check(target, RUN)
+    with opened(source) as (full,):
         history = "\n".join([*stretches(full), said])
         full.set_auto_maskandscale(False)
         root = _read(full, {}, exact=False)
@@ -58,9 +59,10 @@ def thin(source: Path | str, target: Path | str, every: float | None = None) -> 
             )
             for name, group in full.groups.items()
         }
-    with locked(target), replacing(target) as small:
+    with FILES.locked(target), written(target, "give the command again") as small:
         _write(small, root)
         small.setncattr("history", history.encode())
+        small.setncattr("checksum", SEALED.encode())
         for name, group in groups.items():
             _write(small.createGroup(name), group)
 

@@ -18,34 +18,52 @@ from __future__ import annotations
 
 import contextlib
 import math
-import signal
-import threading
 import time as clock
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 
 import threadpoolctl
 
+from mcdem.arguments import scene_at_door, stop_at_door
 from mcdem.encounter.simulate import EncounterResult, simulate_encounter
 from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo import executors
 from mcdem.monte_carlo.event_selection import EventSelection, Meeting, event_selection
-from mcdem.monte_carlo.executors import Encounter
+from mcdem.monte_carlo.executors import Encounter, EngineError
+from mcdem.monte_carlo.expected_output import MOST_UNCHANGED
 from mcdem.monte_carlo.population import Population, Product
-from mcdem.monte_carlo.random_streams import checked
 from mcdem.monte_carlo.record import Record
 from mcdem.monte_carlo.speculative_execution import Foresight
-from mcdem.netcdf.whole_files import locked
+from mcdem.netcdf.whole_files import FILES, RUN
+from mcdem.quantities.random_streams import checked
 from mcdem.scene import Scene
+from pbekit import endings
 
 CHECKPOINT_EVERY = 60.0
 """Longest time between two writings of the dataset [s]; as much work is lost if the machine goes down."""
 SHARE_OF_WRITING = 0.02
 """Writing takes no larger share of the run's time: a file slow to write is written less often."""
+
+
+def multiples(every: float, since: float, begin: float, end: float) -> range:
+    """Which multiples of `every` are times of snapshots between `begin` and `end`, not included, if nothing happened `since`.
+
+    All times in s.  They follow from the last encounter alone, not from where a run was cut off.
+    """
+
+    def from_(time: float) -> int:
+        """The first multiple that is not before a time."""
+        number = math.ceil(time / every)
+        while number > 0 and (number - 1) * every >= time:
+            number -= 1
+        while number * every < time:
+            number += 1
+        return number
+
+    return range(from_(begin), min(from_(end), from_(since) + MOST_UNCHANGED))
 
 
 @dataclass
@@ -83,9 +101,10 @@ class Process:
 
     def wait(self, time: float) -> None:
         """Nothing happens until `time` [s]."""
-        every = self.scene.run.snapshot_every
-        while (due := self.record.snapshots.next_multiple(every) * every) < time:
-            self.record.snapshots.append(due, self.population)
+        every, events = self.scene.run.snapshot_every, self.record.events
+        since = float(events["time"][-1]) if events.rows else 0.0
+        for number in multiples(every, since, self.time, time):
+            self.record.snapshots.append(number * every, self.population)
         self.time = time
 
     def encounter(self, meeting: Meeting, result: EncounterResult) -> list[int]:
@@ -160,7 +179,7 @@ def run(
     output: Path | str,
     *,
     seed: int | None = None,
-    until: float | None = None,
+    until: float | str | None = None,
     events: int | None = None,
     workers: int = 1,
     executor: Executor | None = None,
@@ -176,7 +195,8 @@ def run(
     Parameters
     ----------
     output : file to write; whole at every moment
-    seed, until [s], events : instead of the scene's; the run ends at `until` or after `events` encounters
+    seed, until, events : instead of the scene's; the run ends at `until` (a number in s or with a unit) or after `events`
+        encounters
     workers : processes that compute encounters; the dataset is the same for any number
     executor : computes the encounters instead: anything with the contract of `concurrent.futures.Executor`
     resume : go on from what `output` holds, if it exists
@@ -186,23 +206,22 @@ def run(
     keep_parents : outcomes for which the geometry of the parents is kept
     checkpoint_every : longest time between two writings [s]; but writing takes at most 2 % of the time
 
-    Ctrl-C and SIGTERM end the run in order; the dataset then holds everything until the last encounter.
-    Raises `UserError` for what the user can mend.
+    Ctrl-C, SIGTERM and SIGHUP end the run in order; the dataset then holds everything until the last encounter.
+    Raises `UserError` for what the user can mend; `EngineError`, the dataset written, for whatever befell the executor.
     """
+    scene_at_door(scene)
+    end, events = stop_at_door(until, events)
     path = Path(output)
-    if until is None and events is None:
-        until, events = scene.run.until, scene.run.events
-    if until is None and events is None:
+    if end is None and events is None:
+        end, events = scene.run.until, scene.run.events
+    if end is None and events is None:
         raise UserError(
             f'{scene.name}: nothing says when to stop; give "until" or "events", here or in [run]'
         )
-    if until is not None and not 0.0 < until < math.inf:
-        raise UserError(f"until = {until}: expected a time above 0, in seconds")
-    if events is not None and events < 0:
-        raise UserError(f"events = {events}: expected a number of encounters, 0 or more")
     started = clock.monotonic()
-    with locked(path), threadpoolctl.threadpool_limits(limits=1), _Interruption() as interruption:
-        process = _open(scene, path, seed, resume=resume, overwrite=overwrite, keep_parents=keep_parents)
+    with FILES.locked(path), threadpoolctl.threadpool_limits(limits=1), endings.Deferred() as interruption:
+        with interruption.allowed(), endings.keeping("nothing was computed, nothing written"):
+            process = _open(scene, path, seed, resume=resume, overwrite=overwrite, keep_parents=keep_parents)
         crew = _crew(executor, workers)
         with crew as (pool, width):
             compute = executors.computation(scene, encounter, process.record.seed, pool)
@@ -215,7 +234,7 @@ def run(
                 alone=isinstance(pool, executors.Here),
             )
             writing = _Writing(process, path, foresight, checkpoint_every)
-            pace = _Pace(process, until, events, started)
+            pace = _Pace(process, end, events, started)
             writing.now()
             ended_by = ""
             while not ended_by:
@@ -223,11 +242,11 @@ def run(
                 if left is not None and left <= 0:
                     ended_by = "events"
                     continue
-                ahead = process.selection.ahead(foresight.depth).cut(left, until)
+                ahead = process.selection.ahead(foresight.depth).cut(left, end)
                 if not len(ahead):
-                    if until is not None:
-                        process.wait(max(until, process.time))
-                    ended_by = "one aggregate left" if until is None else "time"
+                    if end is not None:
+                        process.wait(max(end, process.time))
+                    ended_by = "one aggregate left" if end is None else "time"
                     continue
                 try:
                     with interruption.allowed():
@@ -236,11 +255,15 @@ def run(
                     ended_by = "interruption"
                     continue
                 except BaseException as problem:
+                    engine = isinstance(problem, EngineError)
+                    if engine and endings.asked(within=0.5):
+                        ended_by = "interruption"
+                        continue
                     writing.now()
-                    if isinstance(problem, BrokenExecutor):
-                        raise UserError(
-                            f"a worker died, of lack of memory or by another's hand; {path} holds everything until "
-                            f"t = {process.time:.6g} s: continue with --resume, maybe on fewer workers"
+                    if engine:
+                        raise EngineError(
+                            f"{problem}; {path} holds everything until t = {process.time:.6g} s: continue with "
+                            "--resume, maybe on fewer workers"
                         ) from problem
                     raise
                 foresight.happened(process.encounter(ahead.meeting(0), result))
@@ -273,15 +296,15 @@ def _open(
     keep_parents: tuple[str, ...],
 ) -> Process:
     """The process at its start, or as the file at `path` left it."""
-    if path.is_dir():
-        raise DataFileError(f"{path}: a folder, expected the name of a file")
-    if not path.exists() or (overwrite and not resume):
+    if not path.exists() or not resume:
+        if path.is_file() and not overwrite:
+            raise DataFileError(
+                f"{path}: exists already; continue it with --resume, or replace it with --overwrite"
+            )
+        FILES.check(path, RUN)
         return Process.begin(scene, scene.run.seed if seed is None else seed, keep_parents)
-    if not resume:
-        raise DataFileError(
-            f"{path}: exists already; continue it with --resume, or replace it with --overwrite"
-        )
     process = Process.resume(scene, path)
+    FILES.check(path, RUN)
     if seed is not None and seed != process.record.seed:
         raise DataFileError(
             f"{path}: was begun with seed {process.record.seed}, not {seed}; leave the seed out"
@@ -296,41 +319,6 @@ def _crew(executor: Executor | None, workers: int) -> Iterator[executors.Crew]:
     else:
         with executors.opened("process", workers) as crew:
             yield crew
-
-
-class _Interruption:
-    """Lets Ctrl-C and SIGTERM through only where the process is whole: while an encounter is being computed."""
-
-    def __init__(self) -> None:
-        self._asked = False
-        self._allowed = False
-
-    def __enter__(self) -> _Interruption:
-        self._previous = {}
-        if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
-                self._previous[number] = signal.signal(number, self._handle)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._previous.items():
-            signal.signal(number, handler)
-
-    def _handle(self, number: int, frame: FrameType | None) -> None:
-        self._asked = True
-        if self._allowed:
-            self._allowed = False
-            raise KeyboardInterrupt
-
-    @contextlib.contextmanager
-    def allowed(self) -> Iterator[None]:
-        self._allowed = True
-        try:
-            if self._asked:
-                raise KeyboardInterrupt
-            yield
-        finally:
-            self._allowed = False
 
 
 class _Writing:

@@ -4,14 +4,15 @@ Layout (every variable carries `units` and `long_name`; ragged rows are CF conti
 
     /            one row at the start and one after each encounter: number of aggregates, volume, <P>, sigma_P, d32
     /events      one row per encounter: when, which parents, offset, outcome, products (ragged), times, tension, cost
-    /snapshots   geometry of every aggregate at the start, at each multiple of `run.snapshot_every`, and at the end
+    /snapshots   geometry of every aggregate at the start, at each multiple of `run.snapshot_every`, and at the end;
+                 between two encounters at the first ten multiples alone, as nothing changes after them
     /kept        geometry of the parents of chosen encounters, by default those left unresolved, with the reason
     /checkpoint  what else it takes to continue bit for bit: places, serial numbers, clocks
 
 The attribute `history` has a line for each call of `run` that computed a part: from which event on, with what versions.
 
-The file is always whole: it is made in memory, written beside its place, and moved there in one step.  The geometry of
-the last snapshot is the state from which a run is resumed.
+The file is always whole: it is made in memory, written beside its place, and moved there in one step.  It ends in a
+checksum of all its bytes (`pbekit.files`).  The geometry of the last snapshot is the state from which a run is resumed.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import netCDF4
 import numpy as np
+from xarray.backends.locks import HDF5_LOCK, NETCDFC_LOCK, combine_locks
 
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.aggregates.morphology import aspect_ratio, second_moments, semi_axes
@@ -36,7 +38,7 @@ from mcdem.encounter.simulate import OUTCOMES
 from mcdem.errors import DataFileError
 from mcdem.monte_carlo.event_selection import Meeting
 from mcdem.monte_carlo.population import Population, Product
-from mcdem.netcdf.whole_files import LIBRARY_LOCK, replacing
+from mcdem.netcdf.whole_files import FILES, RUN, SEALED
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -50,8 +52,12 @@ FORMAT = 1
 
 TIMING = ("cpu_time",)
 """Variables that measure the machine, not the suspension."""
-ORIGIN_OF_THE_WRITING = ("command", "date_modified", "software", "history", "computed_in_vain")
+ORIGIN_OF_THE_WRITING = ("command", "date_modified", "software", "history", "computed_in_vain", "checksum")
 """Attributes that may differ between two datasets of the same process."""
+
+LIBRARY_LOCK = combine_locks([NETCDFC_LOCK, HDF5_LOCK])
+"""xarray's own: the libraries bear one thread at a time, and the collector may close a user's dataset in any thread."""
+EXPECTED = "a dataset written by `mcdem run`"
 
 
 class Variable(NamedTuple):
@@ -287,10 +293,6 @@ class Snapshots:
         self.times = Table(SNAPSHOTS)
         self.geometries = Geometries(resisting, several)
 
-    def next_multiple(self, every: float) -> int:
-        """Which multiple of `every` [s] comes next; of a thinned dataset not the number of those it holds."""
-        return round(float(self.times["time"][-1]) / every) + 1 if self.times.rows else 0
-
     def append(self, time: float, population: Population) -> None:
         self.times.append(time=time, volume=population.volume, number_of_aggregates=population.number)
         places, aggregates = zip(*population, strict=True)
@@ -418,7 +420,7 @@ class Record:
         """Replace the file at `path` by one that holds everything until `time` [s]; all or nothing."""
         self.snapshots.append(time, population)
         try:
-            with replacing(path) as file:
+            with written(path) as file:
                 self._fill(file, population, clocks, computed_in_vain)
         finally:
             self.snapshots.drop_last()
@@ -442,6 +444,7 @@ class Record:
                 "command": _command(),
                 "date_modified": datetime.now(UTC).isoformat(timespec="seconds"),
                 "computed_in_vain": computed_in_vain,
+                "checksum": SEALED,
             },
         )
         _put(file, {"row": self.series})
@@ -463,7 +466,7 @@ class Record:
     @classmethod
     def read(cls, path: Path, scene: Scene) -> tuple[Record, float, Population, dict[str, Any]]:
         """What `write` wrote: the record, the time [s], the population and the state of the clocks."""
-        with opened(path) as (file,), refusing_damage(path):
+        with opened(path) as (file,):
             _refuse_another_scene(path, str(file.scene), scene)
             record = cls(scene, int(file.seed), tuple(str(file.keep_parents).split()))
             _get(file, {"row": record.series})
@@ -489,22 +492,14 @@ class Record:
 
 
 @contextlib.contextmanager
-def refusing_damage(path: Path) -> Iterator[None]:
-    """Whatever goes wrong in reading a dataset of ours is the disk's doing; its checksums tell most of it."""
-    try:
-        yield
-    except (
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        OSError,
-        RuntimeError,
-        TypeError,
-        ValueError,
-    ) as problem:
-        raise DataFileError(
-            f"{path}: is damaged and cannot be continued ({problem}); restore it from a copy, or begin again with --overwrite"
-        ) from problem
+def written(path: Path, then: str = "continue with --resume") -> Iterator[netCDF4.Dataset]:
+    """A dataset that takes the place of the one at `path` in one step, when it is complete; if not, that one stays."""
+    with FILES.replacing(path, RUN, then) as beside, LIBRARY_LOCK:
+        file = netCDF4.Dataset(beside, "w")
+        try:
+            yield file
+        finally:
+            file.close()
 
 
 def reached(path: Path, scene: Scene, seed: int) -> tuple[float, int]:
@@ -634,21 +629,15 @@ def stretches(file: netCDF4.Dataset) -> list[str]:
 @contextlib.contextmanager
 def opened(*paths: Path) -> Iterator[tuple[netCDF4.Dataset, ...]]:
     """The datasets at `paths`, for reading; raises `DataFileError` if one is not ours or not whole."""
-    with LIBRARY_LOCK, contextlib.ExitStack() as stack:
+    with contextlib.ExitStack() as stack:
+        for path in paths:
+            stack.enter_context(FILES.reading(path, EXPECTED))
+        stack.enter_context(LIBRARY_LOCK)
         yield tuple(stack.enter_context(_opened(path)) for path in paths)
 
 
 def _opened(path: Path) -> netCDF4.Dataset:
-    expected = "expected a dataset written by `mcdem run`"
-    try:
-        file = netCDF4.Dataset(path)
-    except FileNotFoundError:
-        raise DataFileError(f"{path}: no such file; {expected}") from None
-    except OSError as problem:
-        reason = problem.strerror or str(problem)
-        raise DataFileError(
-            f"{path}: cannot be read as NetCDF ({reason}); {expected}, this one is truncated or of another kind"
-        ) from None
+    file = netCDF4.Dataset(path)
     title, layout, writer = (getattr(file, name, None) for name in ("title", "format", "software"))
     if title == TITLE and layout == FORMAT:
         return file
@@ -657,4 +646,4 @@ def _opened(path: Path) -> netCDF4.Dataset:
         raise DataFileError(
             f"{path}: layout {layout}, expected {FORMAT}; written by another version: {writer}"
         )
-    raise DataFileError(f"{path}: a NetCDF file of another kind; {expected}")
+    raise DataFileError(f"{path}: a NetCDF file of another kind; expected {EXPECTED}")

@@ -21,12 +21,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numba import njit
 
+from mcdem.monte_carlo.executors import result_of, submit
 from mcdem.monte_carlo.population import surviving, unless_same
 
 if TYPE_CHECKING:
     from mcdem.aggregates.aggregate import Aggregate
     from mcdem.encounter.simulate import EncounterResult
-    from mcdem.monte_carlo.event_selection import Meetings, PairSelection
+    from mcdem.monte_carlo.event_selection import EventSelection, Meetings
     from mcdem.monte_carlo.population import Population
 
 DEPTH = 16
@@ -87,7 +88,7 @@ class Foresight:
         executor: Executor,
         workers: int,
         population: Population,
-        selection: PairSelection,
+        selection: EventSelection,
         alone: bool = False,
         finished: SimpleQueue[Any] | None = None,
     ) -> None:
@@ -108,7 +109,10 @@ class Foresight:
         self._status = np.zeros(1024, dtype=np.int8)  # by number
 
     def result(self, meetings: Meetings) -> EncounterResult:
-        """The result of the first of the encounters ahead."""
+        """The result of the first of the encounters ahead.
+
+        Raises the encounter's own exception, or `EngineError` for whatever else fails.
+        """
         if meetings.epoch != self._epoch:
             self.close()
             self._epoch, self._passed = meetings.epoch, 0
@@ -119,7 +123,8 @@ class Foresight:
                 self._note(*self._finished.get())
             self._submit(meetings)
             if self._ahead[head].future.done():
-                return self._remove(head).future.result()
+                result: EncounterResult = result_of(self._remove(head).future)
+                return result
             self._note(*self._finished.get())
 
     def happened(self, changed: Iterable[int]) -> None:
@@ -166,7 +171,7 @@ class Foresight:
             parents = (self._expected(places[0], number), self._expected(places[1], number))
             self._unfinished += 1
             self.computed += 1
-            future = self._executor.submit(self._compute, *parents, meetings.epoch, number)
+            future = submit(self._executor, self._compute, *parents, meetings.epoch, number)
             self._ahead[number] = Ahead(places, parents, future)
             self._status[number] = BEGUN
             for place in places:
@@ -188,9 +193,12 @@ class Foresight:
         """An encounter is done: see whether what follows it can be known."""
         self._unfinished -= 1
         ahead = self._ahead.get(number)
-        if ahead is None or ahead.future is not future or future.exception() is not None:
+        if ahead is None or ahead.future is not future:
             return
-        result = future.result()
+        try:
+            result = result_of(future)
+        except Exception:
+            return  # told if its turn comes
         if result.outcome == "unresolved":
             ahead.after = ahead.parents
         else:

@@ -17,24 +17,38 @@ import csv
 import hashlib
 import io
 import itertools
+import math
 import os
 import signal
 import threading
+import time as clock
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed, wait
 from dataclasses import dataclass, replace
 from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
+from mcdem.arguments import scene_at_door, stop_at_door, whole_number
 from mcdem.encounter.simulate import simulate_encounter
-from mcdem.errors import DataFileError, UserError
+from mcdem.errors import UserError
 from mcdem.monte_carlo import process as simulate
-from mcdem.monte_carlo.executors import Encounter, local_processes
+from mcdem.monte_carlo.executors import Encounter, EngineError, local_processes, result_of, submit
 from mcdem.monte_carlo.record import reached
-from mcdem.netcdf.whole_files import locked, write_text
+from mcdem.netcdf.whole_files import FILES, INDEX
+from mcdem.quantities.random_streams import checked
+from mcdem.quantities.units import shown
 from mcdem.scene import Scene
+from pbekit import endings
+
+MOST_MEMBERS = 10_000
+LONGEST_VALUE = 500
+"""Characters of a value."""
+LONGEST_NAME = 200
+"""Bytes of a member's file name before its number; file systems take 255."""
+PATIENCE = 20.0
+"""How long members may take to write what they have when the end is asked for [s]; batch systems kill after 30 s."""
 
 STATES = ("waiting", "running", "done", "interrupted", "failed")
 
@@ -61,33 +75,95 @@ class Member:
 def parse_setting(given: str) -> tuple[str, list[str]]:
     """("flow.shear_stress", ["750Pa", "875Pa"]) of "flow.shear_stress=750Pa,875Pa"; raises `UserError`."""
     key, equals, values = (part.strip() for part in given.partition("="))
-    found = [value.strip() for value in values.split(",")]
-    if not equals or not all(key.split(".")) or "." not in key or not all(found):
+    found = [value.strip() for value in _split(values)]
+    if not equals or not all(key.split(".")) or "." not in key or not all(found) or not given.isprintable():
         raise UserError(
-            f'--set "{given}": expected TABLE.KEY=VALUE,VALUE,... such as flow.shear_stress=750Pa,875Pa'
+            f"--set {shown(given)}: expected TABLE.KEY=VALUE,VALUE,... such as flow.shear_stress=750Pa,875Pa"
+        )
+    if max(map(len, found)) > LONGEST_VALUE:
+        raise UserError(
+            f"--set {shown(given)}: a value of more than {LONGEST_VALUE} characters is none of a scene's"
         )
     return key, found
+
+
+def parse_settings(given: Sequence[str]) -> dict[str, list[str]]:
+    """Key -> values of every --set; raises `UserError` where a key is named twice."""
+    found: dict[str, list[str]] = {}
+    for one in given:
+        key, values = parse_setting(one)
+        if key in found:
+            raise UserError(
+                f"--set {shown(one)}: {key} is given twice; write its values in one, {key}=VALUE,VALUE"
+            )
+        found[key] = values
+    return found
+
+
+def _split(values: str) -> list[str]:
+    """At the commas between values, not at those inside brackets, braces or quotes."""
+    found, depth, quote = [""], 0, ""
+    for character in values:
+        if quote:
+            quote = "" if character == quote else quote
+        elif character in "\"'":
+            quote = character
+        else:
+            depth += (character in "[{") - (character in "]}")
+        if character == "," and depth <= 0 and not quote:
+            found.append("")
+        else:
+            found[-1] += character
+    return found
+
+
+def replaced(scene: Scene, keys: Sequence[str]) -> list[str]:
+    """In words, which keys of the scene give way to new values of others, without being named."""
+    gone = [".".join(path) for path in scene.gives_way(dict.fromkeys(keys, ""))]
+    if not gone:
+        return []
+    return [
+        f"{' and '.join(keys)} given: {' and '.join(gone)} of the scene {'give' if gone[1:] else 'gives'} way"
+    ]
 
 
 def members(
     scene: Scene, settings: Mapping[str, Sequence[str]], replicas: int, seed: int, folder: Path
 ) -> list[Member]:
     """Every combination of the values, `replicas` times; raises `UserError` if one is not a scene."""
-    if replicas < 1:
-        raise UserError(f"replicas = {replicas}: expected 1 or more")
-    found = []
+    whole_number("replicas", replicas, 1, MOST_MEMBERS)
+    if (count := replicas * math.prod(len(values) for values in settings.values())) > MOST_MEMBERS:
+        raise UserError(f"{count} members: expected at most {MOST_MEMBERS}; take fewer values or replicas")
+    found: list[Member] = []
+    points: dict[Scene, str] = {}
     for values in itertools.product(*settings.values()):
-        chosen = dict(zip(settings, values, strict=True))
-        changed = scene.with_changes({key: toml_value(value) for key, value in chosen.items()})
+        asked = {key: (value, toml_value(value)) for key, value in zip(settings, values, strict=True)}
+        changed = scene.with_changes({key: value for key, (_, value) in asked.items()}, as_in_file=True)
+        # What the scene says, in the words in which it was asked for.
+        chosen = {key: said_by(changed, key, *given) for key, given in asked.items()}
         point = ",".join(
             f"{_short(key, settings)}={value.replace(' ', '_')}" for key, value in chosen.items()
         )
+        if changed in points:
+            raise UserError(
+                f"--set: a value is given twice, {point} and {points[changed]} are the same scene"
+            )
+        points[changed] = point
+        stem = (point or scene.name).replace("/", "_per_")
+        if len(stem.encode()) > LONGEST_NAME:
+            digest = hashlib.blake2b(stem.encode(), digest_size=8).hexdigest()
+            stem = f"{stem[: LONGEST_NAME // 4]}...{digest}"
         for replica in range(1, replicas + 1):
-            name = f"{(point or scene.name).replace('/', '_per_')}.{replica}.nc"
+            name = f"{stem}.{replica}.nc"
             found.append(Member(changed, folder / name, chosen, replica, _seed(seed, point, replica)))
-    if len({member.file for member in found}) < len(found):
-        raise UserError("--set: a value is given twice")
     return found
+
+
+def said_by(scene: Scene, key: str, words: str, value: Any) -> str:
+    """What a changed scene says at a key: the words in which it was asked for, if it says that, else its own."""
+    said = scene.value_at(key)
+    expected = str(value).lower() if isinstance(value, bool) else "" if value is None else str(value)
+    return words if said == expected else said
 
 
 def toml_value(value: str) -> Any:
@@ -95,9 +171,11 @@ def toml_value(value: str) -> Any:
     if value == "none":
         return None
     try:
-        return tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+        read = tomllib.loads(f"value = {value}")
+    except (ValueError, RecursionError):
         return value
+    # Text such as "1 # half" is a number and a comment to TOML, and "1\nb = 2" two keys: neither is the value given.
+    return read["value"] if read.keys() == {"value"} and "#" not in value else value
 
 
 def _short(key: str, settings: Mapping[str, Sequence[str]]) -> str:
@@ -119,7 +197,7 @@ def sweep(
     *,
     replicas: int = 1,
     seed: int | None = None,
-    until: float | None = None,
+    until: float | str | None = None,
     events: int | None = None,
     executor: Executor,
     progress: Callable[[Member], None] | None = None,
@@ -131,34 +209,22 @@ def sweep(
     ----------
     folder : of the datasets and the index; made if it is not there
     settings : dotted key -> values, as in the scene file
-    seed, until [s], events : as for `simulate.run`
+    seed, until, events : as for `simulate.run`
     progress : called with each member when it is done, has failed or was interrupted
 
-    A member that fails does not stop the others; Ctrl-C lets each write its dataset.  Returns all members.
+    A member that fails does not stop the others; Ctrl-C, SIGTERM and SIGHUP let each write its dataset.  Returns all members.
+    Raises `EngineError` where a cluster is lost; members on it have their datasets.
     """
+    scene_at_door(scene)
     folder = Path(folder)
-    if until is None and events is None:
-        until, events = scene.run.until, scene.run.events
-    every = members(scene, settings, replicas, scene.run.seed if seed is None else seed, folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise DataFileError(f"{folder}: cannot be made a folder ({problem.strerror}); name another") from None
-    with locked(folder / "index.csv"), _termination_as_interruption():
-        return _Sweep(every, folder / "index.csv", until, events, executor, progress, encounter).run()
-
-
-@contextlib.contextmanager
-def _termination_as_interruption() -> Iterator[None]:
-    """SIGTERM, with which batch systems end a job, as Ctrl-C."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, previous)
+    stop, events = stop_at_door(until, events)
+    if stop is None and events is None:
+        stop, events = scene.run.until, scene.run.events
+    every = members(scene, settings, replicas, checked(scene.run.seed if seed is None else seed), folder)
+    index = folder / "index.csv"
+    with FILES.folder(folder), FILES.locked(index), endings.listening():
+        FILES.check(index, INDEX)
+        return _Sweep(every, index, stop, events, executor, progress, encounter).run()
 
 
 class _Sweep:
@@ -195,7 +261,7 @@ class _Sweep:
 
     def _look(self, k: int, member: Member) -> None:
         """Find out what a dataset that is there has reached."""
-        if not member.file.exists():
+        if not os.path.lexists(member.file):
             return
         try:
             time, events = reached(member.file, member.scene, member.seed)
@@ -213,47 +279,65 @@ class _Sweep:
         broken = []
         try:
             for k in waiting:
-                futures[
-                    executor.submit(_run_member, self._members[k], self._until, self._events, self._encounter)
-                ] = k
+                task = (_run_member, self._members[k], self._until, self._events, self._encounter)
+                futures[submit(executor, *task)] = k
                 self._members[k] = replace(self._members[k], state="running")
             self._write_index()
             for future in as_completed(futures):
-                if isinstance(future.exception(), BrokenExecutor):
-                    broken.append(futures[future])
-                else:
+                try:
                     self._settle(futures[future], future)
-        except BrokenExecutor:
+                except EngineError:
+                    broken.append(futures[future])
+        except EngineError:
             broken = [k for k in waiting if self._members[k].state in ("waiting", "running")]
         except KeyboardInterrupt:
-            self._interrupt(futures)
+            self._interrupt(executor, futures)
             raise
+        if broken and not isinstance(executor, ProcessPoolExecutor):
+            for k in broken:
+                self._members[k] = replace(self._members[k], state="waiting")
+            self._write_index()
+            raise EngineError(
+                f"{len(broken)} members were lost with the cluster that ran them; {self._index.parent} holds what they "
+                "had written: the same command goes on from there"
+            )
         return sorted(broken)
 
-    def _interrupt(self, futures: Mapping[Future[simulate.Summary], int]) -> None:
-        """Wait until every member that is running has written what it has."""
+    def _interrupt(self, executor: Executor, futures: Mapping[Future[simulate.Summary], int]) -> None:
+        """Wait until every member that is running here has written what it has."""
         for future in futures:
             future.cancel()
-        for process in active_children():
-            if process.pid is not None:
-                os.kill(process.pid, signal.SIGINT)  # which a worker without a member ignores
+        end = clock.monotonic() + (PATIENCE if isinstance(executor, ProcessPoolExecutor) else 0.0)
+        running = set(futures)
+        while running and clock.monotonic() < end:
+            for process in active_children():
+                if (
+                    process.pid is not None
+                ):  # one without a member, or not yet at it, ignores it: so again and again
+                    with contextlib.suppress(ProcessLookupError):
+                        os.kill(process.pid, signal.SIGINT)
+            running = set(wait(running, timeout=0.2).not_done)
         for future, k in futures.items():
-            if future.cancelled():
+            if self._members[k].state == "running":
+                if future.done() and not future.cancelled():
+                    with contextlib.suppress(EngineError):
+                        self._settle(k, future)
+                        continue
                 self._members[k] = replace(self._members[k], state="waiting")
-            elif self._members[k].state == "running":
-                self._settle(k, future)
 
     def _settle(self, k: int, future: Future[simulate.Summary]) -> None:
-        problem = future.exception()
-        if problem is not None:
-            reason = (
-                str(problem) if isinstance(problem, UserError) else f"{type(problem).__name__}: {problem}"
-            )
-            self._update(k, state="failed", why=reason)
-            return
-        summary = future.result()
-        state = "interrupted" if summary.ended_by == "interruption" else "done"
-        self._update(k, state=state, time=summary.time, events=summary.events)
+        """Note what came of a member; raises `EngineError` if its worker died."""
+        try:
+            summary: simulate.Summary = result_of(future)
+        except EngineError:
+            raise
+        except UserError as problem:
+            self._update(k, state="failed", why=str(problem))
+        except Exception as problem:
+            self._update(k, state="failed", why=f"{type(problem).__name__}: {problem}")
+        else:
+            state = "interrupted" if summary.ended_by == "interruption" else "done"
+            self._update(k, state=state, time=summary.time, events=summary.events)
 
     def _update(self, k: int, **changes: Any) -> None:
         self._members[k] = replace(self._members[k], **changes)
@@ -279,19 +363,25 @@ class _Sweep:
                     m.why,
                 ]
             )
-        write_text(self._index, text.getvalue())
+        FILES.write(self._index, INDEX, text.getvalue())
 
 
 def _run_member(
     member: Member, until: float | None, events: int | None, encounter: Encounter
 ) -> simulate.Summary:
-    """On a worker."""
-    return simulate.run(
-        member.scene,
-        member.file,
-        seed=member.seed,
-        until=until,
-        events=events,
-        resume=True,
-        encounter=encounter,
-    )
+    """On a worker, which ignores Ctrl-C but for the run itself."""
+    heard = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGINT, lambda number, frame: None) if heard else None
+    try:
+        return simulate.run(
+            member.scene,
+            member.file,
+            seed=member.seed,
+            until=until,
+            events=events,
+            resume=True,
+            encounter=encounter,
+        )
+    finally:
+        if heard:
+            signal.signal(signal.SIGINT, before)

@@ -34,25 +34,23 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
 from scipy.integrate import quad
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from mcdem.errors import UserError
-from mcdem.quantities.toml_tables import FROM_THE_OTHERS, Table
-from mcdem.quantities.units import (
-    Dimensionless,
-    PositiveDimensionless,
-    PositiveRate,
-    PositiveStress,
-    PositiveViscosity,
-)
+from mcdem.quantities.toml_tables import FROM_THE_OTHERS, Table, quantity_at
+from mcdem.quantities.units import DIMENSIONLESS, RATE, STRESS, VISCOSITY
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 LONGEST = 1e4
 """Strain after which a streamline is no longer followed."""
+
+
+_ENTRY = DIMENSIONLESS.between("-1e6", "1e6")
 
 
 class Flow(Table):
@@ -67,19 +65,22 @@ class Flow(Table):
     """"simple_shear": u = g (0, 0, y); "planar": u = g (0, alpha z, y); "planar_extension": the same with alpha = 1;
     "uniaxial_extension": u = g (-x/2, -y/2, z), stretching along z; "biaxial_extension": the reverse;
     "linear": any other, by its `gradient`."""
-    alpha: Annotated[PositiveDimensionless, Field(le=1.0)] | None = None
+    alpha: Annotated[float, DIMENSIONLESS.positive.between("1e-12", "1")] | None = None
     """Share of extension in a planar flow, between simple shear (0) and planar extension (1); its kind alone has it."""
     gradient: (
-        Annotated[tuple[Annotated[tuple[Dimensionless, ...], Field(strict=False)], ...], Field(strict=False)]
+        Annotated[
+            tuple[Annotated[tuple[Annotated[float, _ENTRY], ...], Field(strict=False)], ...],
+            Field(strict=False),
+        ]
         | None
     ) = None
     """Rows of the velocity gradient over g of a linear flow, u = g G r: three of three numbers, of trace 0; such as
     [[-0.7, 0, 0], [0, -0.3, 0], [0, 0, 1]], between planar and uniaxial extension."""
-    shear_rate: PositiveRate = FROM_THE_OTHERS
+    shear_rate: Annotated[float, RATE.positive.between("1e-9 1/s", "1e12 1/s")] = FROM_THE_OTHERS
     """Rate g of the flow: the shear rate, or in extension the rate of stretching."""
-    viscosity: PositiveViscosity = FROM_THE_OTHERS
+    viscosity: Annotated[float, VISCOSITY.positive.between("1e-9 Pa s", "1e9 Pa s")] = FROM_THE_OTHERS
     """Viscosity mu of the medium."""
-    shear_stress: PositiveStress = FROM_THE_OTHERS
+    shear_stress: Annotated[float, STRESS.positive.between("1e-12 Pa", "1e12 Pa")] = FROM_THE_OTHERS
     """Shear stress mu g of the undisturbed flow."""
 
     @property
@@ -114,6 +115,10 @@ class Flow(Table):
             raise ValueError("gradient: expected three rows of three numbers")
         G = np.array(self.gradient)
         size = float(np.abs(G).max())
+        if size < 1e-6:
+            raise ValueError(
+                f"gradient has entries of at most {size:g}, expected some of order 1: it is the velocity gradient over the rate"
+            )
         if abs(np.trace(G)) > 1e-9 * size:
             raise ValueError(
                 f"gradient has the trace {np.trace(G):g}, expected 0: the fluid keeps its volume"
@@ -141,6 +146,15 @@ class Flow(Table):
             self.__dict__["viscosity"] = self.shear_stress / self.shear_rate
         else:
             self.__dict__["shear_rate"] = self.shear_stress / self.viscosity
+        third = next(iter({"shear_rate", "viscosity", "shear_stress"} - given))
+        quantity = quantity_at(Flow, (third,))
+        assert quantity is not None
+        try:
+            quantity.to_si(getattr(self, third))
+        except PydanticCustomError as problem:
+            raise ValueError(
+                f"{third} = {getattr(self, third):g} {quantity.si}, which follows from the two given, {problem.message()}"
+            ) from None
         return self
 
 

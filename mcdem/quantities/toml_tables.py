@@ -10,20 +10,47 @@ import difflib
 import math
 import types
 import typing
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticUndefined
 
-from mcdem.quantities.units import Quantity
+from mcdem.errors import SceneError
+from mcdem.quantities.units import Quantity, shown
+
+MOST_PROBLEMS = 20
+"""Problems of one file that are told."""
+LONGEST_NAME = 60
+"""Characters of a key, above which its neighbours are not sought."""
 
 FROM_THE_OTHERS = math.nan
 """Marks the key of a table that follows from the other keys, until they are read."""
 
 
-class Table(BaseModel):
+class _OneLine(type(BaseModel)):  # type: ignore[misc]
+    """Makes tables in Python answer a mistake as a file does: `SceneError`, a line a problem.
+
+    Here and not in `__init__`, which pydantic would then call for every table within a table.
+    """
+
+    def __call__(cls, *arguments: Any, **values: Any) -> Any:
+        try:
+            return super().__call__(*arguments, **values)
+        except ValidationError as problem:
+            raise SceneError(explain(problem, cls, cls.__name__)) from None
+
+
+if typing.TYPE_CHECKING:
+    _Base = BaseModel
+else:
+
+    class _Base(BaseModel, metaclass=_OneLine):
+        pass
+
+
+class Table(_Base):
     """Base of every table: unknown keys are refused, nothing is coerced, nothing changes after loading."""
 
     model_config = ConfigDict(
@@ -89,9 +116,27 @@ def _with_unit(value: Any, unit: str) -> Any:
     return f"{value!r} {unit}" if unit else value
 
 
-def explain(error: ValidationError, model: type[BaseModel], source: str) -> str:
-    """One line a problem: file, table, key, value, what was expected and what to do."""
-    details = error.errors(include_url=False, include_context=True)
+def quantity_at(model: type[BaseModel], path: tuple[str, ...]) -> Quantity | None:
+    """What the key at a path expects, None where it is no quantity, or unknown."""
+    owner = _model_at(model, path[:-1])
+    field = owner.model_fields.get(path[-1]) if owner else None
+    if field is None or _table_type(field.annotation)[0] is not None:
+        return None
+    return next(iter(_quantities(field.annotation, field.metadata)), None)
+
+
+def explain(
+    error: ValidationError,
+    model: type[BaseModel],
+    source: str,
+    offers: Mapping[tuple[str, str], str] = types.MappingProxyType({}),
+) -> str:
+    """One line a problem: file, table, key, value, what was expected and what to do.
+
+    offers : (table, key) -> what may stand for it, where it is missing
+    """
+    every = error.errors(include_url=False, include_context=True)
+    details = every[:MOST_PROBLEMS]
     unknown = [d for d in details if d["type"] == "extra_forbidden"]
     nearest = {_path(d): _nearest(model, d["loc"]) for d in unknown}
     lines = []
@@ -101,7 +146,14 @@ def explain(error: ValidationError, model: type[BaseModel], source: str) -> str:
             _path(detail) == (*place[:-1], key) for place, key in nearest.items()
         ):
             continue
-        lines.append(f"{source}: {_sentence(detail, model, nearest)}")
+        offer = (
+            offers.get((".".join(_path(detail)[:-1]), _path(detail)[-1]), "")
+            if detail["type"] == "missing"
+            else ""
+        )
+        lines.append(f"{source}: {_sentence(detail, model, nearest)}" + (f"; {offer}" if offer else ""))
+    if len(every) > len(details):
+        lines.append(f"{source}: and {len(every) - len(details)} more such problems")
     return "\n".join(lines)
 
 
@@ -109,7 +161,7 @@ def _sentence(
     detail: ErrorDetails, model: type[BaseModel], nearest: dict[tuple[str, ...], str | None]
 ) -> str:
     path = _path(detail)
-    table, key = ".".join(path[:-1]), path[-1] if path else ""
+    table, key = shown(".".join(path[:-1]))[1:-1], shown(path[-1])[1:-1] if path else ""
     where = f"[{table}] " if table else ""
     kind, given = detail["type"], detail["input"]
     owner = _model_at(model, path[:-1])
@@ -129,7 +181,10 @@ def _sentence(
     if kind == "quantity":
         return f"{where}{key} = {_toml(given)} {detail['msg']}"
     if kind == "value_error":  # raised by a table's own validator, which names its keys
-        place = f"[{'.'.join(path)}] " if isinstance(given, dict) else f"{where}{key} = {_toml(given)}: "
+        whole = not path or not isinstance(given, str | int | float | bool | list | tuple)
+        place = f"[{'.'.join(path)}] " if path else ""
+        if not whole:
+            place = f"{where}{key} = {_toml(given)}: "
         return f"{place}{str(detail['msg']).removeprefix('Value error, ')}"
     field = owner.model_fields.get(key) if owner else None
     expected = _expected(field.annotation, field.metadata) if field else str(detail["msg"])
@@ -149,6 +204,8 @@ def _path(detail: ErrorDetails) -> tuple[str, ...]:
 
 def _nearest(model: type[BaseModel], loc: tuple[int | str, ...]) -> str | None:
     owner = _model_at(model, tuple(str(part) for part in loc[:-1]))
+    if len(str(loc[-1])) > LONGEST_NAME:
+        return None
     found = difflib.get_close_matches(str(loc[-1]), list(owner.model_fields) if owner else [], n=1)
     return found[0] if found else None
 
@@ -182,7 +239,10 @@ def _quantities(annotation: Any, metadata: Iterable[Any] = ()) -> list[Quantity]
 def _expected(annotation: Any, metadata: Iterable[Any] = ()) -> str:
     marks = [part for mark in metadata for part in (mark.metadata if isinstance(mark, FieldInfo) else [mark])]
     signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
-    bounds = " and ".join(f"{signs[n]} {getattr(m, n):g}" for m in marks for n in signs if hasattr(m, n))
+    ends = {n: getattr(m, n) for m in marks for n in signs if hasattr(m, n)}
+    bounds = " and ".join(f"{signs[n]} {end}" for n, end in ends.items())
+    if ends.keys() == {"ge", "le"}:
+        bounds = f"from {ends['ge']} to {ends['le']}"
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Annotated:
         return _expected(arguments[0], arguments[1:])
@@ -192,7 +252,7 @@ def _expected(annotation: Any, metadata: Iterable[Any] = ()) -> str:
         return _expected(next(option for option in arguments if option is not type(None)), marks)
     quantities = _quantities(annotation, marks)
     if quantities:
-        return f"{quantities[0].kind} {bounds}" if bounds else quantities[0].expected
+        return f"{quantities[0].kind} and {bounds}" if bounds else quantities[0].expected
     if origin is typing.Literal:
         return " or ".join(_toml(choice) for choice in arguments)
     if origin in (typing.Union, types.UnionType):
@@ -204,4 +264,4 @@ def _expected(annotation: Any, metadata: Iterable[Any] = ()) -> str:
 def _toml(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
-    return f'"{value}"' if isinstance(value, str) else str(value)
+    return shown(value)

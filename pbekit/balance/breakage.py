@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from pbekit import arguments
+from pbekit.arguments import shown
 from pbekit.balance.grid import Cells
 from pbekit.errors import KernelError, RangeWarning
 
@@ -35,6 +37,7 @@ class PowerLawRate:
     offset: float = 0.0
 
     def __post_init__(self):
+        arguments.law(self, finite=("rate", "power", "offset"))
         if not 0 <= self.power <= 3:
             warnings.warn(
                 f"PowerLawRate: power = {self.power:g} is outside 0 ... 3", RangeWarning, stacklevel=3
@@ -59,6 +62,7 @@ class ExponentialRate:
     power: float = 0.5  # strength(P) = strength P^-power
 
     def __post_init__(self):
+        arguments.law(self, positive=("shear_rate", "stress", "strength"), finite=("power",))
         if not 1 / 3 <= self.power <= 2:
             warnings.warn(
                 f"ExponentialRate: power = {self.power:g} is outside 1/3 ... 2", RangeWarning, stacklevel=3
@@ -87,6 +91,11 @@ class CriticalSize:
     shear_rate: float = 1.0  # g [1/s], for the first-order rate
 
     def __post_init__(self):
+        arguments.law(
+            self,
+            positive=("stress", "reference_stress", "reference_size", "sharpness", "shear_rate"),
+            finite=("q",),
+        )
         if not 0.5 <= self.q <= 3:
             warnings.warn(f"CriticalSize: q = {self.q:g} is outside 0.5 ... 3", RangeWarning, stacklevel=3)
 
@@ -113,7 +122,12 @@ def evaluate_rate(rate, cells: Cells, name: str | None = None) -> np.ndarray:
         values = rate(cells) if library else rate(cells.mass)
     else:
         values = rate
-    values = np.broadcast_to(np.asarray(values, float), cells.mass.shape).copy()
+    try:
+        values = np.broadcast_to(np.asarray(values, float), cells.mass.shape).copy()
+    except (TypeError, ValueError):
+        raise KernelError(
+            f"breakage rate {name}: expected a number, a function of mass, or an array {cells.mass.shape}, got {shown(values)}"
+        ) from None
     for bad, what in ((~np.isfinite(values), "not finite"), (values < 0, "negative")):
         if np.any(bad):
             k = np.flatnonzero(bad)[0]
@@ -186,6 +200,9 @@ class BetaSplit(Daughters):
 
     concentration: float = 1.0
 
+    def __post_init__(self):
+        arguments.law(self, positive=("concentration",))
+
     def mass_below(self, x):
         # x f(x) with f the beta(c, c) density, doubled, is the beta(c + 1, c) density.
         return special.betainc(self.concentration + 1, self.concentration, x)
@@ -213,6 +230,7 @@ class TwoPeak(Daughters):
     concentration: float = 40.0
 
     def __post_init__(self):
+        arguments.law(self, positive=("concentration",), finite=("fraction",))
         if not 0 < self.fraction <= 0.5:
             raise KernelError(
                 f"TwoPeak: fraction of the smaller piece must be in (0, 0.5], got {self.fraction:g}"
@@ -256,6 +274,9 @@ class SchulzZimm(Daughters):
     mean: float = 0.2
     shape: float = 2.0
 
+    def __post_init__(self):
+        arguments.law(self, positive=("mean", "shape"))
+
     def mass_below(self, x):
         rate = self.shape / self.mean
         return special.gammainc(self.shape + 1, rate * x) / special.gammainc(self.shape + 1, rate)
@@ -279,7 +300,15 @@ class FromPieces(Daughters):
         return getattr(self.function, "__name__", "function")
 
     def pieces(self, parent):
-        mass, number = (np.asarray(v, float) for v in self.function(parent))
+        try:
+            mass, number = (np.atleast_1d(np.asarray(v, float)) for v in self.function(parent))
+        except (TypeError, ValueError):
+            mass, number = np.zeros(0), np.zeros(0)
+        if mass.ndim != 1 or mass.shape != number.shape or not mass.size:
+            raise KernelError(
+                f"daughters {self.name}: expected two arrays of one length, masses and expected numbers, for a parent of "
+                f"{parent:g}"
+            )
         if np.any(~np.isfinite(number)) or np.any(number < 0) or np.any(mass <= 0):
             raise KernelError(f"daughters {self.name}: negative or not finite for a parent of {parent:g}")
         total = float(mass @ number)

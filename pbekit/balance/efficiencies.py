@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from pbekit import arguments
 from pbekit.balance.grid import Cells
 from pbekit.balance.kernels import Kernel
 from pbekit.errors import KernelError, RangeWarning
@@ -39,6 +40,7 @@ class VanDeVenMason(Kernel):
     prefactor: float = 0.95
 
     def __post_init__(self):
+        arguments.law(self, positive=("attraction", "prefactor"))
         if not 1e-4 <= self.attraction <= 1e-1:
             _warn(
                 f"VanDeVenMason: C_A = {self.attraction:.3g} is outside 1e-4 ... 1e-1, where the 0.18 power holds"
@@ -85,6 +87,7 @@ class ZeichnerSchowalter(Kernel):
     attraction: float  # A_H/(36 pi mu e a^3) [-]
 
     def __post_init__(self):
+        arguments.law(self, positive=("attraction",))
         if not EXTENSION[0, 0] <= self.attraction <= EXTENSION[-1, 0]:
             _warn(
                 f"ZeichnerSchowalter: C_A = {self.attraction:.3g} is outside 1e-9 ... 1e-1, where trajectories were computed"
@@ -113,6 +116,7 @@ class Kusters(Kernel):
     y: float = 0.1
 
     def __post_init__(self):
+        arguments.law(self, finite=("largest", "x", "y"))
         if not (0 < self.largest <= 1):
             raise KernelError(f"Kusters: eta_max must be in (0, 1], got {self.largest:g}")
         if not (0 <= self.x <= 1.1 and 0 <= self.y <= 1.1):
@@ -155,6 +159,9 @@ class VeerapaneniWiesner(Kernel):
     """
 
     radius: float  # a [m]
+
+    def __post_init__(self):
+        arguments.law(self, positive=("radius",))
 
     def __call__(self, i, j):
         if np.any(np.isnan(i.outer_radius)):

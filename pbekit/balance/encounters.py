@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pbekit import arguments
 from pbekit.balance import right_hand_side as compiled
 from pbekit.balance.breakage import Daughters, as_daughters, evaluate_rate
 from pbekit.balance.grid import Grid, TwoComponentGrid
@@ -117,7 +118,7 @@ class _Rows:
 
     def add_pairs(self, given: PairRows, parents, offset):
         """All rows at once."""
-        grid, number = self.grid, np.asarray(given.number, float)
+        grid, number = self.grid, arguments.array(f"products of {given.name}", given.number, None)
         if not isinstance(grid, Grid) or number.shape != (len(parents), grid.sizes + 2):
             raise PBEError(f"{given.name}: got {number.shape}, expected ({len(parents)}, {grid.sizes + 2})")
         if np.any(~np.isfinite(number)) or np.any(number < 0):
@@ -338,7 +339,7 @@ def _collisional_rows(grid, event, rows, size_mass, low_size, high_size, weight,
             continue
         parents = size_mass[i] + size_mass[j]
         if of_pair is not None:
-            mass, number = of_pair(*(size_mass[s] if two else size_mass[s, 0] for s in (i, j)))
+            mass, number = _two(of_pair(*(size_mass[s] if two else size_mass[s, 0] for s in (i, j))), name)
             placed = _placed_pieces(grid, mass, number, parents, averaged, closed, name)
         else:
             key = float(parents[0])
@@ -348,9 +349,22 @@ def _collisional_rows(grid, event, rows, size_mass, low_size, high_size, weight,
         rows.add_dense(*placed, offset, parents, name)
 
 
+def _two(pieces, name):
+    """(masses, numbers) that a user's function returned; raises `KernelError`."""
+    try:
+        mass, number = (np.asarray(part, float) for part in pieces)
+    except (TypeError, ValueError):
+        raise KernelError(f"daughters {name}: expected two arrays, masses and expected numbers") from None
+    return mass, number
+
+
 def _placed_pieces(grid, mass, number, parents, averaged, closed, name):
     mass = np.asarray(mass, float).reshape(-1, len(parents))
     number = np.asarray(number, float).ravel()
+    if len(mass) != number.size:
+        raise KernelError(
+            f"daughters {name}: {len(mass)} masses and {number.size} numbers, expected as many of both"
+        )
     total = number @ mass
     if np.any(~np.isfinite(number)) or np.any(number < 0):
         raise KernelError(f"daughters {name}: negative or not finite for parents of {parents}")
@@ -405,7 +419,7 @@ def _restructuring(grid, event: Restructuring) -> compiled.Restructuring:
     groups = [0, grid.cells] if event.partner_start is None else list(event.partner_start) + [grid.cells]
     if event.partner_start is not None and event.partner_start[-1] == grid.cells:
         groups = list(event.partner_start)
-    transition = np.asarray(event.transition, float)
+    transition = arguments.array("transition", event.transition, None, "probabilities")
     if transition.shape == (grid.shapes, grid.shapes):
         transition = transition[np.maximum(grid.shape_of_cell, 0)]
     if transition.ndim == 2:

@@ -13,7 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pbekit.arguments import MOST_EXACT, array, number, whole_number
 from pbekit.errors import PBEError
+
+LARGEST = 10**9
+"""Primaries of the largest aggregate."""
+
+
+def _amount(given: object) -> float:
+    return number("number", given, 0.0, 1e300, "a number of aggregates per volume")
 
 
 class Cells(NamedTuple):
@@ -46,7 +54,9 @@ class Grid:
     shape_of_cell: np.ndarray = field(init=False)
 
     def __post_init__(self):
-        pivots, edges = np.asarray(self.pivots, float), np.asarray(self.edges, float)
+        pivots, edges = array("pivots", self.pivots, (None,)), array("edges", self.edges, (None,))
+        if self.shape_edges is not None:
+            array("shape edges", self.shape_edges, (None,))
         if pivots.ndim != 1 or pivots.size == 0 or pivots[0] <= 0 or np.any(np.diff(pivots) <= 0):
             raise PBEError(f"grid: pivots must be positive and ascending, got {pivots}")
         if edges.shape != (pivots.size + 1,) or np.any(edges[:-1] > pivots) or np.any(edges[1:] < pivots):
@@ -66,8 +76,13 @@ class Grid:
     @classmethod
     def primaries(cls, exact_to: int = 32, largest: int | None = None, ratio: float = 2**0.25) -> Grid:
         """Every whole number of primaries up to `exact_to`, then integer pivots at about a constant ratio."""
-        if exact_to < 1:
-            raise PBEError(f"grid: exact_to must be at least 1, got {exact_to}")
+        exact_to = whole_number("exact_to", exact_to, 1, MOST_EXACT)
+        number("ratio", ratio, 1.0 + 1e-6, 1e6)
+        if largest is not None and whole_number("largest", largest, 1, LARGEST) < exact_to:
+            raise PBEError(
+                f"grid: largest = {largest} lies below exact_to = {exact_to}, the largest size with a class of its own: "
+                "lower exact_to, or leave one of them out"
+            )
         pivots = list(range(1, exact_to + 1))
         while largest is not None and pivots[-1] < largest:
             pivots.append(max(pivots[-1] + 1, round(pivots[-1] * ratio)))
@@ -78,14 +93,17 @@ class Grid:
     @classmethod
     def geometric(cls, smallest: float, largest: float, ratio: float = 2**0.5) -> Grid:
         """Continuous volumes; edges at a constant ratio, pivots in the middle of their cells."""
+        number("smallest", smallest, 1e-300, 1e300)
+        number("largest", largest, smallest, 1e300)
+        number("ratio", ratio, 1.0 + 1e-6, 1e6)
         count = int(np.ceil(np.log(largest / smallest) / np.log(ratio)))
         edges = smallest * ratio ** np.arange(count + 1)
         return cls(0.5 * (edges[1:] + edges[:-1]), edges, discrete=False)
 
     def with_shapes(self, edges, name: str = "aspect ratio") -> Grid:
         """The same sizes, each divided into shape classes with these boundaries (P = 1, 2 keep one)."""
-        edges = np.asarray(edges, float)
-        if edges.ndim != 1 or edges.size < 2 or np.any(np.diff(edges) <= 0):
+        edges = array("shape edges", edges, (None,))
+        if edges.size < 2 or np.any(np.diff(edges) <= 0):
             raise PBEError(f"grid: shape edges must ascend, got {edges}")
         return replace(self, shape_edges=edges, shape_name=name, outer_radius=None)
 
@@ -93,10 +111,17 @@ class Grid:
         """Give every cell its outer radius R [m]: an array (K,), or a function of mass, or of mass and shape."""
         if callable(radius):
             wanted = [p for p in inspect.signature(radius).parameters.values() if p.default is p.empty]
+            if len(wanted) not in (1, 2):
+                raise PBEError(
+                    f"grid: outer radius: a function of {len(wanted)} arguments, expected one of mass, or of mass and shape"
+                )
             values = radius(self.mass, self.shape) if len(wanted) == 2 else radius(self.mass)
         else:
             values = radius
-        values = np.broadcast_to(np.asarray(values, float), (self.cells,)).copy()
+        values = np.array(array("outer radii", values, None))
+        if values.shape not in ((), (self.cells,)):
+            raise PBEError(f"grid: outer radii: got shape {values.shape}, expected ({self.cells},)")
+        values = np.broadcast_to(values, (self.cells,)).copy()
         if not np.all(np.isfinite(values) & (values > 0)):
             raise PBEError("grid: outer radii must be positive and finite in every cell")
         return replace(self, outer_radius=values)
@@ -154,7 +179,7 @@ class Grid:
             if self.cells != self.sizes:
                 raise PBEError("grid has several shapes per size: say how products are shaped (shape=...)")
             return np.ones(self.cells)
-        share = np.asarray(share, float)
+        share = array("shape shares", share, None, "probabilities")
         if share.shape == (self.shapes,):
             share = np.where(self.shape_of_cell < 0, 1.0, share[self.shape_of_cell])
         if share.shape != (self.cells,):
@@ -168,6 +193,9 @@ class Grid:
 
     def monodisperse(self, number: float, mass: float | None = None) -> np.ndarray:
         """(K,) `number` per volume, all in the cell of pivot `mass` (the smallest by default)."""
+        number = _amount(number)
+        if mass is not None:
+            array("mass", mass, (), "a mass")
         size = 0 if mass is None else int(np.argmin(np.abs(self.pivots - mass)))
         if mass is not None and not np.isclose(self.pivots[size], mass):
             raise PBEError(f"no pivot at mass {mass}; nearest is {self.pivots[size]}")
@@ -288,14 +316,16 @@ class TwoComponentGrid:
 
     def __post_init__(self):
         for name in ("first", "second"):
-            axis = np.asarray(getattr(self, name), float)
-            if axis.ndim != 1 or axis.size < 2 or axis[0] < 0 or np.any(np.diff(axis) <= 0):
+            axis = array(f"two-component grid: {name} pivots", getattr(self, name), (None,))
+            if axis.size < 2 or axis[0] < 0 or np.any(np.diff(axis) <= 0):
                 raise PBEError(f"two-component grid: {name} pivots must ascend from zero or more, got {axis}")
             object.__setattr__(self, name, axis)
 
     @classmethod
     def primaries(cls, first: int, second: int) -> TwoComponentGrid:
         """Whole primaries: 0 ... `first` of A and 0 ... `second` of B."""
+        whole_number("first", first, 1, MOST_EXACT)
+        whole_number("second", second, 1, MOST_EXACT)
         return cls(np.arange(first + 1.0), np.arange(second + 1.0), discrete=True)
 
     @property

@@ -10,12 +10,15 @@ import inspect
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 from scipy import special
 
+from pbekit import arguments
+from pbekit.arguments import shown
 from pbekit.balance.grid import Cells
-from pbekit.errors import KernelError, RangeWarning
+from pbekit.errors import KernelError, PBEError, RangeWarning
 
 
 class Kernel:
@@ -92,18 +95,35 @@ def as_kernel(kernel) -> Kernel:
     """What a user brings (a Kernel, a number, a function, an array) as a Kernel."""
     if isinstance(kernel, Kernel):
         return kernel
-    if isinstance(kernel, (int, float)):
+    if isinstance(kernel, Real) and not isinstance(kernel, bool):
         return Constant(float(kernel))
     if callable(kernel):
         return FromFunction(kernel)
-    return FromArray(np.asarray(kernel, float))
+    try:
+        values = np.asarray(kernel, float)
+    except (TypeError, ValueError):
+        values = np.zeros(0)
+    if values.ndim != 2 or values.shape[0] != values.shape[1]:
+        raise KernelError(
+            f"kernel: got {shown(kernel)}, expected a Kernel, a number, a function of two masses, or an array (K, K)"
+        )
+    return FromArray(values)
 
 
 def evaluate(kernel: Kernel, cells: Cells) -> np.ndarray:
     """(K, K) kernel over all pairs of cells, refused if negative, not finite or not symmetric."""
     column = Cells(*(c[:, None] for c in cells))
     row = Cells(*(c[None, :] for c in cells))
-    values = np.broadcast_to(np.asarray(kernel(column, row), float), (cells.mass.size,) * 2)
+    wanted = (cells.mass.size,) * 2
+    try:
+        found = np.asarray(kernel(column, row), float)
+        values = np.broadcast_to(found, wanted)
+    except PBEError:
+        raise
+    except (TypeError, ValueError) as problem:
+        raise KernelError(
+            f"kernel {kernel.name}: expected numbers that broadcast to {wanted} from masses (K, 1) and (1, K): {problem}"
+        ) from None
 
     def refuse(bad, what):
         a, b = np.argwhere(bad)[0]
@@ -217,6 +237,9 @@ class ShearEncounter(Kernel):
 
     shear_rate: float  # g [1/s]
 
+    def __post_init__(self):
+        arguments.law(self, positive=("shear_rate",))
+
     def __call__(self, i, j):
         if np.any(np.isnan(i.outer_radius)):
             raise KernelError("ShearEncounter: the grid has no outer radii; use grid.with_outer_radius(...)")
@@ -231,6 +254,9 @@ class ExtensionEncounter(Kernel):
     """4 pi/(3 sqrt 3) e (R_i + R_j)^3: flux into the sphere of contact in uniaxial extension (Zeichner & Schowalter 1977)."""
 
     extension_rate: float  # e [1/s]
+
+    def __post_init__(self):
+        arguments.law(self, positive=("extension_rate",))
 
     def __call__(self, i, j):
         if np.any(np.isnan(i.outer_radius)):
@@ -252,6 +278,7 @@ class FractalRadius:
     dimension: float = 2.0
 
     def __post_init__(self):
+        arguments.law(self, positive=("radius", "prefactor", "dimension"))
         if not 1 <= self.dimension <= 3:
             warnings.warn(
                 f"FractalRadius: dimension = {self.dimension:g} is outside 1 ... 3",

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from pbekit.arguments import SCHEMES, shown
 from pbekit.balance import right_hand_side as compiled
 from pbekit.balance.encounters import Event, assemble
 from pbekit.balance.grid import Grid, TwoComponentGrid
 from pbekit.errors import PBEError
 
-SCHEMES = ("fixed pivot", "cell average")
 EDGES = ("overflow", "closed")
 
 
@@ -29,6 +29,15 @@ class PopulationBalance:
             raise PBEError(f"scheme: got {scheme!r}, expected one of {SCHEMES}")
         if edge not in EDGES:
             raise PBEError(f"edge: got {edge!r}, expected one of {EDGES}")
+        if not isinstance(grid, Grid | TwoComponentGrid):
+            raise PBEError(f"grid: got {shown(grid)}, expected a Grid, such as Grid.primaries(100)")
+        if isinstance(events, Event):
+            events = [events]
+        strangers = [e for e in events if not isinstance(e, Event)]
+        if strangers:
+            raise PBEError(
+                f"events: got {shown(strangers[0])}, expected Aggregation, CollisionalBreakup, Breakage or Restructuring"
+            )
         self.grid, self.events, self.scheme, self.edge = grid, list(events), scheme, edge
         self.averaged = scheme == "cell average"
         self.arrays = assemble(grid, self.events, self.averaged, edge == "closed")
@@ -49,8 +58,11 @@ class PopulationBalance:
 
     def state(self, population) -> np.ndarray:
         """(K + tail,) a population with an empty overflow."""
-        population = np.asarray(population, float)
-        if population.shape == (self.cells + self.tail,):
+        try:
+            population = np.asarray(population, float)
+        except (TypeError, ValueError):
+            raise PBEError(f"population: expected ({self.cells},) numbers, got {shown(population)}") from None
+        if population.shape == (self.cells + self.tail,) and np.all(np.isfinite(population)):
             return population.copy()
         if population.shape != (self.cells,):
             raise PBEError(f"population: got shape {population.shape}, expected ({self.cells},)")
@@ -80,3 +92,9 @@ class PopulationBalance:
         jacobian = open_edge.jacobian(0.0, state)
         passing = np.abs(np.diag(jacobian))[: self.cells] * state[: self.cells] @ self.grid.mass
         return gained / passing
+
+
+def balance_at_door(given: object) -> None:
+    """Refuse what is no balance; raises `PBEError`."""
+    if not isinstance(given, PopulationBalance):
+        raise PBEError(f"balance: got {shown(given)}, expected a PopulationBalance")

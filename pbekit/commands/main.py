@@ -1,10 +1,11 @@
 """The command `pbekit`: balances on tables of encounters.
 
-Exit codes as of mcdem: 0 done, 2 something to mend in what was given, 130 interrupted.
+Exit codes as of mcdem: 0 done; 2 something to mend in what was given; 130, 143, 129 interrupted (`pbekit.endings`).
 """
 
 from __future__ import annotations
 
+import math
 import shlex
 import sys
 from pathlib import Path
@@ -13,6 +14,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from pbekit import endings
+from pbekit.arguments import DENSEST, DILUTE, LARGEST_SEED, METHODS, MOST_EXACT, SCHEMES, shown
 from pbekit.errors import PBEError
 
 
@@ -22,13 +25,22 @@ class Commands(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the subcommand."""
         try:
-            return super().invoke(ctx)
+            done = super().invoke(ctx)
+            sys.stdout.flush()
+            return done
         except PBEError as problem:
             typer.secho(f"error: {problem}", fg="red", err=True)
             raise typer.Exit(2) from None
-        except KeyboardInterrupt:
-            typer.secho("interrupted", err=True)
-            raise typer.Exit(130) from None
+        except OSError as problem:
+            from pbekit.files import said_of_system
+
+            if (said := said_of_system(problem)) is None:
+                raise
+            typer.secho(f"error: {said}", fg="red", err=True)
+            raise typer.Exit(2) from None
+        except KeyboardInterrupt as problem:
+            endings.tell(problem)
+            raise typer.Exit(endings.exit_code()) from None
 
 
 app = typer.Typer(
@@ -39,6 +51,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
+LONGEST_TIME = 1e12
+"""[s] thirty thousand years; what has not come to rest by then is followed no further."""
 Table = Annotated[Path, typer.Argument(metavar="KERNELS", help="Table that `mcdem kernels` wrote (NetCDF).")]
 
 
@@ -74,6 +88,37 @@ class _Bar:
         self.bar.stop()
 
 
+def _finite(value: float | None) -> float | None:
+    """A callback of options that are numbers: typer's bounds let nan and inf pass."""
+    if value is not None and not math.isfinite(value):
+        raise typer.BadParameter(f"{value} is not a finite number")
+    return value
+
+
+def _refuse_options(method: str, scheme: str, volume_fraction: float | None, stress: float | None) -> None:
+    """Refuse what cannot be meant, before anything is read."""
+    if method not in METHODS:
+        raise PBEError(f"--method {shown(method)}: expected one of {', '.join(METHODS)}")
+    if scheme not in SCHEMES:
+        raise PBEError(f"--scheme {shown(scheme)}: expected one of {', '.join(SCHEMES)}")
+    if volume_fraction is not None and not 0.0 < volume_fraction < DENSEST:
+        raise PBEError(
+            f"--volume-fraction {volume_fraction:g}: expected a share above 0 and below {DENSEST:g}"
+        )
+    if stress is not None and not stress > 0.0:
+        raise PBEError(f"--stress {stress:g}: expected a stress above 0, in Pa")
+
+
+def _warn_if_crowded(volume_fraction: Any) -> None:
+    if volume_fraction is not None and float(volume_fraction) > DILUTE:
+        typer.secho(
+            f"warning: at a volume fraction of {float(volume_fraction):g} encounters are not of two aggregates alone (above "
+            f"{DILUTE:g}): the balance of binary encounters is no longer that of the suspension",
+            fg="yellow",
+            err=True,
+        )
+
+
 @app.command()
 def solve(
     kernels: Annotated[
@@ -83,23 +128,32 @@ def solve(
         ),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Dataset to write.")],
-    until: Annotated[float, typer.Option(min=0, help="Time to stop at [s].")] = 300.0,
-    samples: Annotated[int, typer.Option(min=2, help="Times to keep.")] = 201,
+    until: Annotated[float, typer.Option(help="Time to stop at [s].")] = 300.0,
+    samples: Annotated[int, typer.Option(min=2, max=10**6, help="Times to keep.")] = 201,
     stress: Annotated[
         float | None,
-        typer.Option(min=0, help="Shear stress [Pa] to interpolate to, between those of two tables."),
+        typer.Option(
+            callback=_finite, help="Shear stress [Pa] to interpolate to, between those of two tables."
+        ),
     ] = None,
-    volume_fraction: Annotated[float | None, typer.Option(help="Instead of the table's.")] = None,
-    draws: Annotated[int, typer.Option(min=0, help="Posterior draws for 90 % bands; 0 for none.")] = 0,
+    volume_fraction: Annotated[
+        float | None, typer.Option(callback=_finite, help="Instead of the table's; above 0, below 0.74.")
+    ] = None,
+    draws: Annotated[
+        int, typer.Option(min=0, max=10**6, help="Posterior draws for 90 % bands; 0 for none.")
+    ] = 0,
     mean_shape: Annotated[bool, typer.Option("--mean-shape", help="One mean shape per size.")] = False,
     smooth: Annotated[bool, typer.Option("--smooth", help="Outcomes by the fitted law alone.")] = False,
     scheme: Annotated[str, typer.Option(help='"fixed pivot" or "cell average".')] = "fixed pivot",
-    exact_to: Annotated[int, typer.Option(min=2, help="Largest size with a class of its own.")] = 32,
+    exact_to: Annotated[
+        int, typer.Option(min=2, max=MOST_EXACT, help="Largest size with a class of its own.")
+    ] = 32,
     largest: Annotated[
-        int | None, typer.Option(help="Largest size; twice the largest seen by default.")
+        int | None,
+        typer.Option(help="Largest size, from the largest seen on; twice the largest seen by default."),
     ] = None,
-    method: Annotated[str, typer.Option(help="Integrator of scipy: LSODA, BDF, Radau, RK45 ...")] = "LSODA",
-    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
+    method: Annotated[str, typer.Option(help=f"Integrator of scipy: {', '.join(METHODS)}.")] = "LSODA",
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Of the draws.")] = 0,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE if it exists.")] = False,
 ) -> None:
     """Solve the balance on a table over time and at steady state, or at a stress between those of two tables."""
@@ -107,13 +161,16 @@ def solve(
 
     from pbekit.estimated_rates.closures import Closure, grid_for, start_of
     from pbekit.estimated_rates.stress_interpolation import Between, between
+    from pbekit.outputs import FILES, SOLUTION
     from pbekit.solution.solve import solve as march
     from pbekit.solution.steady import steady_state
     from pbekit.study.uncertainty import band, course_output, draws_of, steady_output, steady_summary
     from pbekit.tables.kernel_table import KernelTable
 
-    if output.exists() and not overwrite:
-        raise PBEError(f"{output} exists; give another name, or --overwrite to replace it")
+    if not 0.0 < until <= LONGEST_TIME:
+        raise PBEError(f"--until {until:g}: expected a time above 0 and up to {LONGEST_TIME:g}, in seconds")
+    FILES.check(output, SOLUTION, overwrite=overwrite)
+    _refuse_options(method, scheme, volume_fraction, stress)
     tables = [KernelTable.load(k) for k in kernels]
     table = max(tables, key=lambda t: t.records.size.max(initial=1))
     grid = grid_for(table, exact_to, largest, shapes=None if mean_shape else "table")
@@ -125,8 +182,12 @@ def solve(
         closure = Closure(table, grid, outcomes)
     else:
         raise PBEError(f"{len(tables)} tables: say by --stress at which stress between theirs, or give one")
+    if largest is not None and largest < exact_to:
+        typer.echo(f"--exact-to {exact_to} is taken as {largest}, the largest size", err=True)
     start = start_of(grid, table, volume_fraction)
+    _warn_if_crowded(volume_fraction if volume_fraction is not None else table.about.get("volume_fraction"))
     times = np.linspace(0.0, until, samples)
+    interrupted = False
     with _Bar("pbekit solve") as bar:
         bar("integrating", 0.0)
         balance = closure.balance(scheme=scheme)
@@ -151,13 +212,17 @@ def solve(
                 steady_output(start, guess=steady.population),
                 course_output(start, times, rtol=1e-5),
             )
-            drawn = draws_of(
-                closure,
-                lambda b: {"steady_mean_size": settled(b)["mean_size"], **course(b)},
-                draws,
-                seed,
-                lambda k: bar("draws", 0.5 + 0.5 * k / draws),
-            )
+            try:
+                drawn = draws_of(
+                    closure,
+                    lambda b: {"steady_mean_size": settled(b)["mean_size"], **course(b)},
+                    draws,
+                    seed,
+                    lambda k: bar("draws", 0.5 + 0.5 * k / draws),
+                )
+            except KeyboardInterrupt:
+                interrupted, draws = True, 0
+        if draws:
             for name in ("mean_size", "size_deviation", "sauter_diameter"):
                 for end, values in zip(("low", "high"), band(drawn[name].values), strict=True):
                     data[f"{name}_{end}"] = ("time", values, {"long_name": f"90 % band of {name}"})
@@ -166,6 +231,7 @@ def solve(
             )
         bar("done", 1.0)
     data.attrs |= {
+        "title": "Course of a population balance",
         "kernels": " ".join(map(str, kernels)),
         "command": shlex.join(["pbekit", *sys.argv[1:]]),
         "scene": str(table.about.get("scene", "")) if stress is None else "",
@@ -177,39 +243,53 @@ def solve(
     if stress is not None:
         data.attrs["shear_stress"] = stress
     data["number"].attrs["units"] = "m-3"
-    data.to_netcdf(output)
+    FILES.write_dataset(output, SOLUTION, {"": data})
     line = f"{output}: steady <P> = {summary['mean_size']:.4g}"
     if draws:
         line += f" ({data.attrs['steady_mean_size_low']:.4g} ... {data.attrs['steady_mean_size_high']:.4g})"
+    if "at_rest_from" in data.attrs:
+        line += f", at rest from t = {data.attrs['at_rest_from']:.4g} s on"
     typer.echo(
         f"{line}, sigma_P/<P> = {summary['relative_deviation']:.3g}, d32 = {1e6 * float(summary['sauter_diameter']):.3g} um; "
         f"mass drift {float(abs(data.mass_drift).max()):.1e}; "
         f"{100 * data.attrs['extrapolated_flux']:.2g} % of encounters extrapolated, "
         f"{100 * data.attrs['edge_flux']:.2g} % of mass flux beyond the grid"
     )
+    if interrupted:
+        raise KeyboardInterrupt(
+            f"{output} holds the solution without its bands; given again with --overwrite the command begins anew"
+        )
 
 
 @app.command()
 def compare(
     kernels: Annotated[list[Path], typer.Argument(metavar="KERNELS...", help="Tables, one per stress.")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for figures and numbers.")
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FOLDER",
+            help="Folder for figures and numbers; those drawn before are replaced.",
+        ),
     ],
     runs: Annotated[
         list[Path] | None,
         typer.Option("--run", metavar="RUN", help="Dataset of `mcdem run` of the same scene; one per table."),
     ] = None,
     until: Annotated[
-        float | None, typer.Option(help="Time to stop at [s]; the run's end by default.")
+        float | None,
+        typer.Option(min=0, callback=_finite, help="Time to stop at [s]; the run's end by default."),
     ] = None,
-    draws: Annotated[int, typer.Option(min=5, help="Posterior draws for the 90 % bands.")] = 60,
-    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
+    draws: Annotated[int, typer.Option(min=5, max=10**6, help="Posterior draws for the 90 % bands.")] = 60,
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Of the draws.")] = 0,
 ) -> None:
     """Balance on tabulated encounters beside the Monte Carlo and beside analytical laws: figures with bands, and numbers."""
     import matplotlib
 
     matplotlib.use("Agg")
     from pbekit import figures
+    from pbekit.outputs import FILES
     from pbekit.study import compare as comparing
     from pbekit.study.monte_carlo import MonteCarlo
     from pbekit.tables.kernel_table import KernelTable
@@ -220,26 +300,29 @@ def compare(
     strangers = set(by_scene) - {str(t.about.get("scene")) for t in tables}
     if strangers:
         raise PBEError(f"{by_scene[strangers.pop()].path}: none of the tables is of its scene")
-    output.mkdir(parents=True, exist_ok=True)
-    seen: dict[float, tuple[float, float]] = {}
-    for file, table in zip(kernels, tables, strict=True):
-        run = by_scene.get(str(table.about.get("scene")))
-        stress = float(table.about.get("shear_stress", float("nan")))
-        prefix = output / file.name.removesuffix(".nc")
-        with _Bar(f"pbekit compare {file.name}") as bar:
-            result = comparing.compare(table, run, draws, until, seed, bar)
-        figures.draw_table(table, prefix.with_name(prefix.name + "-table"))
-        figures.draw_course(result, prefix.with_name(prefix.name + "-course"))
-        figures.draw_distribution(result, prefix.with_name(prefix.name + "-distribution"))
-        figures.draw_switches(result, prefix.with_name(prefix.name + "-switches"))
-        if "volume_fraction" in table.about:
-            data = comparing.volume_fractions(table, result.numbers["mean_size"])
-            figures.draw_volume_fractions(data, prefix.with_name(prefix.name + "-volume-fractions"))
-        if run is not None and run.is_steady:
-            seen[stress] = run.steady["mean_size"]
-        _tell(file, result)
-    if all("viscosity" in t.about for t in tables):
-        _over_stresses(tables, seen, output, draws)
+    if until is not None and not 0.0 < until <= LONGEST_TIME:
+        raise PBEError(f"--until {until:g}: expected a time above 0 and up to {LONGEST_TIME:g}, in seconds")
+    with FILES.folder(output):
+        seen: dict[float, tuple[float, float]] = {}
+        for file, table in zip(kernels, tables, strict=True):
+            run = by_scene.get(str(table.about.get("scene")))
+            stress = float(table.about.get("shear_stress", float("nan")))
+            prefix = output / file.name.removesuffix(".nc")
+            kept = f"{output} holds the figures of the tables before it; the same command begins again"
+            with _Bar(f"pbekit compare {file.name}") as bar, endings.keeping(kept):
+                result = comparing.compare(table, run, draws, until, seed, bar)
+            figures.draw_table(table, prefix.with_name(prefix.name + "-table"))
+            figures.draw_course(result, prefix.with_name(prefix.name + "-course"))
+            figures.draw_distribution(result, prefix.with_name(prefix.name + "-distribution"))
+            figures.draw_switches(result, prefix.with_name(prefix.name + "-switches"))
+            if "volume_fraction" in table.about:
+                data = comparing.volume_fractions(table, result.numbers["mean_size"])
+                figures.draw_volume_fractions(data, prefix.with_name(prefix.name + "-volume-fractions"))
+            if run is not None and run.is_steady:
+                seen[stress] = run.steady["mean_size"]
+            _tell(file, result)
+        if all("viscosity" in t.about for t in tables):
+            _over_stresses(tables, seen, output, draws)
     typer.echo(f"figures and their numbers in {output}")
 
 
@@ -247,14 +330,21 @@ def compare(
 def stresses(
     kernels: Annotated[list[Path], typer.Argument(metavar="KERNELS...", help="Tables, one per stress.")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for figures and numbers.")
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FOLDER",
+            help="Folder for figures and numbers; those drawn before are replaced.",
+        ),
     ],
-    draws: Annotated[int, typer.Option(min=5, help="Posterior draws for the 90 % bands.")] = 60,
+    draws: Annotated[int, typer.Option(min=5, max=10**6, help="Posterior draws for the 90 % bands.")] = 60,
 ) -> None:
     """Efficiency of two primaries, steady sizes and breakup size against stress, with their exponents and analytical laws."""
     import matplotlib
 
     matplotlib.use("Agg")
+    from pbekit.outputs import FILES
     from pbekit.tables.kernel_table import KernelTable
 
     tables = [KernelTable.load(k) for k in kernels]
@@ -265,8 +355,8 @@ def stresses(
         raise PBEError(
             f"{kernels[0]}: one table alone says nothing over stresses; give one for each of several"
         )
-    output.mkdir(parents=True, exist_ok=True)
-    _over_stresses(tables, {}, output, draws)
+    with FILES.folder(output):
+        _over_stresses(tables, {}, output, draws)
     typer.echo(f"figures and their numbers in {output}")
 
 
@@ -280,7 +370,8 @@ def _over_stresses(
     figures.draw_efficiencies(etas, output / "eta_11")
     if len(tables) < 2:
         return
-    with _Bar("pbekit stresses") as bar:
+    kept = f"{output} holds what was drawn until then; the same command begins again"
+    with _Bar("pbekit stresses") as bar, endings.keeping(kept):
         law = stress_law(tables, draws, lambda share: bar("stresses", share))
     figures.draw_stress_law(law, runs, output / "stress")
     for k, stress in enumerate(law.stress.values):
@@ -412,9 +503,5 @@ def show(
 
 
 def main() -> None:
-    """Entry point of the console script."""
-    app(prog_name="pbekit")
-
-
-if __name__ == "__main__":
-    main()
+    """The command, where the console script of an older installation looks for it."""
+    endings.program(lambda: app(prog_name="pbekit"))

@@ -23,6 +23,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize, sparse, special
 
+from pbekit import arguments
+from pbekit.arguments import MOST_EXACT, whole_number
 from pbekit.balance.encounters import (
     Aggregation,
     CollisionalBreakup,
@@ -31,8 +33,8 @@ from pbekit.balance.encounters import (
     Restructuring,
     ShapeMemory,
 )
-from pbekit.balance.grid import Grid
-from pbekit.balance.population_balance import PopulationBalance
+from pbekit.balance.grid import LARGEST, Grid
+from pbekit.balance.population_balance import EDGES, PopulationBalance
 from pbekit.errors import PBEError
 from pbekit.tables.kernel_table import SCATTERED, KernelTable, kind_of
 
@@ -52,8 +54,21 @@ def grid_for(table: KernelTable, exact_to: int = 32, largest: int | None = None,
 
     shapes : "table", None for one mean shape per size, or boundaries
     """
+    if not isinstance(table, KernelTable):
+        raise PBEError(
+            f"table: got {arguments.shown(table)}, expected a KernelTable, as KernelTable.load(path) reads it"
+        )
+    if isinstance(shapes, str) and shapes != "table":
+        raise PBEError(f'shapes: got {arguments.shown(shapes)}, expected "table", None or boundaries')
     seen = int(table.records.size.max()) if len(table.records) else 1
-    grid = Grid.primaries(exact_to, largest=2 * seen if largest is None else largest)
+    exact_to = whole_number("exact_to", exact_to, 1, MOST_EXACT)
+    if largest is None:
+        largest = max(2 * seen, exact_to)
+    elif whole_number("largest", largest, 1, LARGEST) < seen:
+        raise PBEError(
+            f"largest = {largest}: expected at least {seen}, the largest aggregate that the table saw"
+        )
+    grid = Grid.primaries(min(exact_to, largest), largest=largest)
     edges = table.shape_edges if isinstance(shapes, str) else shapes
     return grid if edges is None else grid.with_shapes(edges, table.shape_name)
 
@@ -63,7 +78,8 @@ def start_of(grid: Grid, table: KernelTable, volume_fraction: float | None = Non
     phi = table.about.get("volume_fraction") if volume_fraction is None else volume_fraction
     if phi is None:
         raise PBEError("the table does not say its volume fraction; give one")
-    return grid.monodisperse(float(phi) / (4 / 3 * np.pi * table.radius**3))
+    phi = arguments.volume_fraction(float(phi) if volume_fraction is None else phi)
+    return grid.monodisperse(phi / (4 / 3 * np.pi * table.radius**3))
 
 
 @dataclass(frozen=True)
@@ -237,6 +253,12 @@ class Closure:
         partners: tuple[int, ...] = (1, 3, 10),
         edge: str = "closed",
     ):
+        if not isinstance(table, KernelTable):
+            raise PBEError(f"table: got {arguments.shown(table)}, expected a KernelTable")
+        if not isinstance(grid, Grid):
+            raise PBEError(f"grid: got {arguments.shown(grid)}, expected a Grid, as grid_for(table) makes it")
+        if edge not in EDGES:
+            raise PBEError(f"edge: got {edge!r}, expected one of {', '.join(EDGES)}")
         if outcomes not in ("table", "smooth"):
             raise PBEError(f'outcomes: got {outcomes!r}, expected "table" or "smooth"')
         if not grid.discrete:

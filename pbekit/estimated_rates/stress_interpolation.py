@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from pbekit.arguments import number
 from pbekit.balance.encounters import ShapeMemory
 from pbekit.balance.grid import Grid
 from pbekit.balance.population_balance import PopulationBalance
@@ -94,6 +95,7 @@ def between(
     tables: Sequence[KernelTable], stress: float, grid: Grid | None = None, outcomes: str = "table"
 ) -> Between:
     """The balance at `stress` [Pa] from the nearest of the tables below and above it; raises `PBEError` without them."""
+    number("stress", stress, 1e-12, 1e12, "a shear stress in Pa")
     known = sorted(tables, key=stress_of)
     lower = [table for table in known if stress_of(table) <= stress]
     upper = [table for table in known if stress_of(table) > stress]

@@ -12,8 +12,10 @@ from collections.abc import Callable
 import numpy as np
 import xarray as xr
 
+from pbekit import arguments
 from pbekit.balance import right_hand_side as compiled
 from pbekit.balance.encounters import ShapeMemory
+from pbekit.errors import PBEError
 from pbekit.estimated_rates.closures import SURVIVE, Closure
 
 
@@ -36,8 +38,16 @@ def population_course(
     drawn : each replica follows its own posterior draw of the closure, so that their spread is that of one run to come:
         what the table leaves open and what a finite population scatters, together
     """
+    arguments.volume_fraction(volume_fraction)
+    times = arguments.array("times", times, (None,), "times")
+    if not times.size or np.any(np.diff(times) < 0) or times[0] < 0:
+        raise PBEError("times must be 0 or more and ascend")
+    arguments.whole_number("initial", initial, 2, 10**6)
+    arguments.number("doubling_below", doubling_below, 0.0, 1.0)
+    arguments.whole_number("replicas", replicas, 1, 10**6)
+    arguments.whole_number("largest", largest, 1, 10**7)
+    arguments.whole_number("seed", seed, 0, arguments.LARGEST_SEED)
     lookup = None if drawn else _lookup(closure, largest)
-    times = np.asarray(times, float)
     volume = initial * 4 / 3 * np.pi * closure.table.radius**3 / volume_fraction
     since = 0.6 * times[-1] if steady_from is None else steady_from
     series = np.zeros((replicas, times.size, 6))

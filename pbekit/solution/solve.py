@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 from scipy.integrate import odeint, solve_ivp
 
-from pbekit import moments
-from pbekit.balance.population_balance import PopulationBalance
+from pbekit import arguments, moments
+from pbekit.balance.population_balance import PopulationBalance, balance_at_door
 from pbekit.errors import PBEError
 
 
@@ -28,12 +28,14 @@ def integrate(
     atol : absolute tolerance on numbers, 1e-12 of the largest initial number by default
     progress : called with the time reached
     """
-    times = np.asarray(times, float)
-    if times.ndim != 1 or times.size < 2 or np.any(np.diff(times) <= 0):
+    balance_at_door(balance)
+    arguments.method(method)
+    arguments.number("rtol", rtol, 1e-14, 1.0)
+    times = arguments.array("times", times, (None,), "times")
+    if times.size < 2 or np.any(np.diff(times) <= 0):
         raise PBEError("times must ascend, the first being that of the initial population")
     start = balance.state(population)
-    if atol is None:
-        atol = 1e-12 * np.max(start)
+    atol = 1e-12 * np.max(start) if atol is None else arguments.number("atol", atol, 0.0, np.inf)
     rhs = balance.rhs
     if progress is not None:
 
@@ -68,14 +70,51 @@ def integrate(
     return solution.y.T
 
 
+LONG = 1000.0
+"""A course of so many first turnovers of the mass may have come to rest before its end."""
+
+
+def course(
+    balance: PopulationBalance, population, times: np.ndarray, *, rtol: float = 1e-8, **options: Any
+) -> tuple[np.ndarray, float | None]:
+    """As `integrate`, but a long course stops where nothing changes any more.
+
+    Returns the states (times, K + tail), which repeat the last from there on, and the time at which the population had come to
+    rest: what changes in the time in which the mass passes through the classes once is below `rtol` of it.  None if it had not,
+    or if the course is shorter than `LONG` first turnovers, which is not looked at.
+    """
+    times, start = np.asarray(times, float), balance.state(population)
+    cells, mass = balance.cells, balance.grid.mass
+    turnover = np.abs(balance.rhs(0.0, start)[:cells]) @ mass / (start[:cells] @ mass)
+    if times.ndim != 1 or not np.all(np.isfinite(times)) or not turnover * (times[-1] - times[0]) > LONG:
+        return integrate(balance, start, times, rtol=rtol, **options), None
+    options = {"atol": 1e-12 * np.max(start)} | options
+    states, row = np.empty((times.size, start.size)), 1
+    states[0], now, state = start, times[0], start
+    while now < times[-1]:
+        stop = min(times[0] + max(LONG / turnover, 2.0 * (now - times[0])), times[-1])
+        within = times[(times > now) & (times <= stop)]
+        found = integrate(balance, state, np.unique([now, *within, stop]), rtol=rtol, **options)
+        states[row : row + within.size] = found[1 : 1 + within.size]
+        row += within.size
+        # Numbers below zero are within the tolerance, and no population to start from.
+        now, state = stop, np.maximum(found[-1], 0.0)
+        passing = np.abs(np.diag(balance.jacobian(now, state))[:cells]) * state[:cells] @ mass
+        if np.abs(balance.rhs(now, state)[:cells]) @ mass <= rtol * passing:
+            states[row:] = state
+            return states, float(now)
+    return states, None
+
+
 def solve(balance: PopulationBalance, population, times, time_unit: str = "s", **options) -> xr.Dataset:
     """The balance's populations as a dataset, with moments, overflow and mass drift; options as in `integrate`.
 
     Numbers below zero, which an integrator leaves within its tolerance, are set to zero; `clipped_mass` says what
-    that moved.
+    that moved.  A long course that comes to rest is not followed further (`course`): `at_rest_from` says from when on.
     """
-    states = integrate(balance, population, times, **options)
-    return to_dataset(balance, states, np.asarray(times, float), time_unit)
+    states, rest = course(balance, population, times, **options)
+    data = to_dataset(balance, states, np.asarray(times, float), time_unit)
+    return data if rest is None else data.assign_attrs(at_rest_from=rest)
 
 
 def to_dataset(

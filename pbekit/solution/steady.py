@@ -13,7 +13,8 @@ import numpy as np
 from scipy import linalg
 from scipy.integrate import LSODA
 
-from pbekit.balance.population_balance import PopulationBalance
+from pbekit.arguments import array, number
+from pbekit.balance.population_balance import PopulationBalance, balance_at_door
 from pbekit.errors import PBEError
 
 
@@ -63,17 +64,25 @@ def steady_state(
     guess : a population near the steady state (of any mass); Newton is tried from it without integrating
     tolerance : on the residual
     """
+    balance_at_door(balance)
     if balance.edge != "closed":
         raise PBEError(
             'steady_state: use PopulationBalance(..., edge="closed"); mass that leaves the grid never settles'
         )
+    number("tolerance", tolerance, 1e-300, 1.0)
+    number("rtol", rtol, 1e-14, 1.0)
+    if time_scale is not None:
+        number("time_scale", time_scale, 1e-300, 1e300)
     start = balance.state(population)
     cells, mass = balance.cells, balance.grid.mass
     if balance.conserved.shape[1] > 1:
         raise PBEError("steady_state: for one mass coordinate")
     total = start[:cells] @ mass
+    if not total > 0.0:
+        raise PBEError("steady_state: the population is empty, expected one that holds mass")
     if guess is not None:
-        near = np.asarray(guess, float) * (total / (guess @ mass))
+        guess = array("guess", guess, (cells,))
+        near = guess * (total / (guess @ mass))
         found = _newton(balance, near, total, tolerance, 0.0)
         if found is not None:
             return found

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from scipy import stats
 
-from pbekit.errors import PBEError
+from pbekit.outputs import FILES
 
 STEADY_SHARE = 0.4
 """The last part of a run that counts as its steady state."""
@@ -49,15 +49,18 @@ class MonteCarlo:
     @classmethod
     def read(cls, path: Path | str) -> MonteCarlo:
         """Read a run's series and snapshots."""
-        try:
+        with FILES.reading(path, "a dataset of mcdem run"):
             with (
                 xr.open_dataset(path, decode_times=False) as root,
                 xr.open_dataset(path, group="snapshots", decode_times=False) as snapshots,
             ):
                 root.load()
                 snapshots.load()
-        except (OSError, ValueError, KeyError) as problem:
-            raise PBEError(f"{path}: no dataset of mcdem run ({str(problem).splitlines()[0]})") from None
+            return cls._of(Path(path), root, snapshots)
+        raise AssertionError  # the guard lets nothing pass in silence
+
+    @classmethod
+    def _of(cls, path: Path, root: xr.Dataset, snapshots: xr.Dataset) -> MonteCarlo:
         time = root.time.values
         late = time >= (1 - STEADY_SHARE) * time[-1]
         values = {
@@ -81,7 +84,7 @@ class MonteCarlo:
             each.std(axis=0, ddof=1) / np.sqrt(len(used)) if len(used) > 1 else np.full(share.shape, np.nan)
         )
         return cls(
-            Path(path),
+            path,
             str(root.attrs.get("scene", "")),
             time,
             root.mean_size.values,

@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 from scipy import stats
 
+from pbekit.arguments import LARGEST_SEED, number, whole_number
 from pbekit.balance.population_balance import PopulationBalance
 from pbekit.errors import PBEError
 from pbekit.estimated_rates.closures import JOIN, SCATTER, SURVIVE, Closure
@@ -40,6 +41,8 @@ def draws_of(
     progress: Callable[[int], None] | None = None,
 ) -> xr.Dataset:
     """`output` of posterior draws, stacked along `draw`; a draw that cannot be solved is an error, not left out."""
+    whole_number("draws", draws, 1, 10**6)
+    whole_number("seed", seed, 0, LARGEST_SEED)
     rows = []
     for k in range(draws):
         rows.append(output(closure.balance(np.random.default_rng([seed, k]))))
@@ -54,6 +57,7 @@ def draws_of(
 
 def band(draws: np.ndarray, level: float = LEVEL, axis: int = 0) -> np.ndarray:
     """(2, ...) quantiles that hold the middle `level` of the draws."""
+    number("level", level, 0.0, 1.0)
     tail = 0.5 * (1 - level)
     return np.quantile(draws, [tail, 1 - tail], axis=axis)
 

@@ -24,8 +24,10 @@ import numpy as np
 import xarray as xr
 
 from pbekit.errors import PBEError
+from pbekit.outputs import FILES, TABLE
 
 FORMAT = 1
+EXPECTED = "a kernel table; make one with mcdem kernels"
 OUTCOMES = (
     "missed",
     "parted",
@@ -501,8 +503,6 @@ class KernelTable:
 
     def save(self, path: Path | str) -> None:
         """Write the file, whole or not at all."""
-        path = Path(path)
-        unfinished = path.with_name(path.name + ".unfinished")
         r = self.records
         columns = {}
         for name, (units, words) in COLUMNS.items():
@@ -525,41 +525,40 @@ class KernelTable:
             )
             columns[name] = (dims, value.astype(small), note)
         pack = {name: {"zlib": True, "complevel": 4} for name in columns}
-        try:
-            root = self.to_dataset()
-            root.to_netcdf(
-                unfinished, mode="w", encoding={v: {"zlib": True} for v in root.data_vars if root[v].size > 1}
-            )
-            xr.Dataset(columns).to_netcdf(unfinished, mode="a", group="records", encoding=pack)
-            unfinished.replace(path)
-        finally:
-            unfinished.unlink(missing_ok=True)
+        root = self.to_dataset()
+        packed: dict[str, Any] = {str(v): {"zlib": True} for v in root.data_vars if root[v].size > 1}
+        FILES.write_dataset(
+            path, TABLE, {"": root, "records": xr.Dataset(columns)}, {"": packed, "records": pack}
+        )
 
     @classmethod
     def load(cls, path: Path | str) -> KernelTable:
         """Read a file that `save` wrote."""
-        try:
+        with FILES.reading(path, EXPECTED):
             with xr.open_dataset(path) as root, xr.open_dataset(path, group="records") as rows:
                 root.load()
                 rows.load()
-        except (OSError, KeyError, ValueError) as problem:
-            words = str(problem).splitlines()[0]
-            raise PBEError(f"{path}: no kernel table ({words}); make one with mcdem kernels") from None
-        missing = [name for name in COLUMNS if name not in rows]
-        if missing or "size_edges" not in root:
-            raise PBEError(f"{path}: no kernel table, lacks {', '.join(missing) or 'size_edges'}")
-        if root.attrs.get("format") != FORMAT:
-            raise PBEError(f"{path}: format {root.attrs.get('format')}, this version reads {FORMAT}")
-        own = ("title", "format", "radius", "shear_rate", "shape_name")
-        return cls(
-            Records(**{name: rows[name].values for name in COLUMNS}),
-            root.size_edges.values,
-            root.shape_edges.values if "shape_edges" in root else None,
-            float(root.attrs["radius"]),
-            float(root.attrs["shear_rate"]),
-            root.attrs["shape_name"],
-            {k: v for k, v in root.attrs.items() if k not in own},
-        )
+            missing = [name for name in COLUMNS if name not in rows]
+            if missing or "size_edges" not in root:
+                raise PBEError(
+                    f"{path}: no kernel table, lacks {', '.join(missing) or 'size_edges'}; expected {EXPECTED}"
+                )
+            if root.attrs.get("format") != FORMAT:
+                raise PBEError(f"{path}: format {root.attrs.get('format')}, this version reads {FORMAT}")
+            records = Records(**{name: rows[name].values for name in COLUMNS})
+            if (records.products < 0).any() or records.products.sum() != len(records.product_size):
+                raise ValueError("products of encounters and their numbers do not fit")
+            own = ("title", "format", "radius", "shear_rate", "shape_name", "software", "checksum")
+            return cls(
+                records,
+                root.size_edges.values,
+                root.shape_edges.values if "shape_edges" in root else None,
+                float(root.attrs["radius"]),
+                float(root.attrs["shear_rate"]),
+                str(root.attrs["shape_name"]),
+                {k: v for k, v in root.attrs.items() if k not in own},
+            )
+        raise AssertionError  # the guard lets nothing pass in silence
 
 
 def _kind(outcome: np.ndarray) -> np.ndarray:

@@ -51,8 +51,8 @@ def test_runs_as_a_module():
 
 def test_describe_lists_units_defaults_and_meaning():
     listing = mcdem_command("describe").output
-    assert 'radius  a positive length, such as "500 nm"' in listing
-    assert "lubrication_cutoff  a non-negative number, such as 0.5; default 0.005" in listing
+    assert 'radius  a length from 0.1 nm to 1 cm, such as "500 nm"' in listing
+    assert "lubrication_cutoff  a number from 0 to 10, such as 5e-3; default 0.005" in listing
     assert "Poisson" not in mcdem_command("describe", "flow").output
     assert refusal("describe", "flwo").startswith('no table "flwo"; known are suspension, flow')
 
@@ -64,12 +64,12 @@ def test_describe_lists_units_defaults_and_meaning():
         (
             '"1e4 1/s"',
             '"0 1/s"',
-            '[flow] shear_rate = "0 1/s" is not positive; expected a positive rate, such as "1e4 1/s"',
+            '[flow] shear_rate = "0 1/s" is not positive; expected a rate from 1e-9 1/s to 1e12 1/s, such as "1e4 1/s"',
         ),
         (
             "1e-4",
             "nan",
-            "[suspension] volume_fraction = nan is not finite; expected a positive number, such as 0.5",
+            "[suspension] volume_fraction = nan is not finite; expected a number from 1e-15 to 0.74, such as 1e-4",
         ),
     ],
 )
@@ -108,7 +108,7 @@ def test_an_existing_output_is_kept(tmp_path):
 )
 def test_until_carries_a_unit(tmp_path, until, words):
     message = refusal("run", SCENES / "quickstart.toml", "-o", tmp_path / "out.nc", "--until", until)
-    assert message == f'--until "{until}" {words}; expected a positive time, such as "10 s"'
+    assert message == f'--until "{until}" {words}; expected a time from 1e-15 s to 1e15 s, such as "10 s"'
 
 
 def test_plot_refuses_what_is_no_dataset_and_what_is_no_figure(tmp_path):
@@ -123,8 +123,7 @@ def test_plot_refuses_what_is_no_dataset_and_what_is_no_figure(tmp_path):
         assert reason in message
     assert not figure.exists()
     assert (
-        refusal("plot", foreign, "-o", tmp_path)
-        == f"{tmp_path}: a folder, expected the name of a figure in it"
+        refusal("plot", foreign, "-o", tmp_path) == f"{tmp_path}: a folder, expected the name of a file in it"
     )
 
 

@@ -10,11 +10,11 @@ import numpy as np
 import pint
 import pytest
 from effects_family import TABLES, VARIANTS, effects, scene
+from mcdem.effects.short_range import ShortRangeKernel
 from numba.core.dispatcher import Dispatcher
 from pydantic import ValidationError
 
 from mcdem.effects import Effects, Kernels, contact_force, non_contact_force
-from mcdem.effects.short_range import ShortRangeKernel
 
 NON_CONTACT = ["van_der_waals", "double_layer", "born", "steric", *VARIANTS]
 CONTACT = ["jkr", "dmt"]
@@ -213,7 +213,7 @@ def test_an_effect_takes_all_its_parameters_and_no_others(name):
     complete = effects(name).model_dump(exclude_none=True)
     for key in TABLES[name]:
         tables = {**TABLES, name: {k: v for k, v in TABLES[name].items() if k != key}}
-        with pytest.raises(ValidationError, match=rf"{name}.{key}\n|needs {key}"):
+        with pytest.raises(ValidationError, match=rf"{name}.{key}\n|needs {key}|give {key}"):
             Effects.model_validate({n: tables[n] for n in complete})
     with pytest.raises(ValidationError, match=f"{name}.colour"):
         Effects.model_validate({n: TABLES[n] | ({"colour": 1} if n == name else {}) for n in complete})

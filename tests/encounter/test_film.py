@@ -2,6 +2,8 @@
 
 import re
 import shlex
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -108,3 +110,19 @@ def test_the_films_rods_are_rigid_and_its_command_holds():
         assert len(rod.bonds) == 3 * rod.size - 6
         assert morphology(rod.positions, rod.bonds, scene.suspension.radius)["floppy_modes"] == 0
     assert (SCENES.parent / given["film"]).stat().st_size < 2_500_000
+
+
+def test_what_a_film_needs_is_asked_for_before_anything_is_computed(tmp_path, monkeypatch):
+    def computed(*_, **__):
+        raise AssertionError("it was computed first")
+
+    monkeypatch.setattr("mcdem.encounter.simulate.simulate_encounter", computed)
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    scene = Path(__file__).parents[2] / "scenes" / "quickstart.toml"
+    for option, name, words in (
+        ("--film", "x.mp4", "MP4 needs imageio-ffmpeg"),
+        ("--film", "x.avi", "a film ends in .mp4 or .gif"),
+        ("--trajectory", "x.pdb", "ends in .nc or .xyz"),
+    ):
+        done = CliRunner().invoke(app, ["encounter", str(scene), option, str(tmp_path / name)])
+        assert done.exit_code == 2 and words in done.output

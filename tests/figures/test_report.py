@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from mcdem.analysis.dataset import Run, by_stress
 from mcdem.analysis.paper_comparison import Row, breakup_exponents, compare
+from mcdem.analysis.statistics import count_limits
 from mcdem.commands.main import app
 from mcdem.figures.report import dimensionless_groups, parameters, report, warnings
 
@@ -78,7 +79,9 @@ def test_growth_is_that_of_the_series(run):
     events = int((run.outcome[begun:ended] == "aggregation").sum())
     slope = (size[ended] - size[begun]) / (time[ended] - time[begun])
     assert (row.measured, row.count) == (pytest.approx(slope), events)
-    assert row.measured_high - row.measured == pytest.approx(2.0 * slope / np.sqrt(events))
+    low, high = count_limits(events)
+    assert row.measured_low == pytest.approx(slope * low / events)
+    assert row.measured_high == pytest.approx(slope * high / events)
     np.testing.assert_allclose(float(row.printed), 4 / np.pi * 0.07384 * 1e-4 * 1e4, rtol=1e-3)
 
 
@@ -89,6 +92,26 @@ def test_verdict_is_about_limits():
     assert Row("x", "1.68", 1.675, 1.685, np.nan, np.nan, np.nan, 0).agrees is None
     assert Row("x", "0.10", 0.05, 0.15, 0.0, 0.0, 4e-4, 10_000).agrees is False
     assert Row("x", "0.10", 0.05, 0.15, 0.0, 0.0, 0.3, 10).agrees is None
+
+
+def test_one_convention_is_judged_and_the_others_are_sensitivity():
+    other = Row("x", "1.68", 1.675, 1.685, 1.5, 1.4, 1.6, 50, sensitivity=True)
+    assert other.agrees is None
+
+
+def test_each_printed_number_has_one_verdict(run):
+    rows = compare([run])
+    judged = {row.quantity for row in rows if not row.sensitivity}
+    for printed, conventions in (
+        ("d_g, P > 3", 2),
+        ("k_g, P > 3", 2),
+        ("d_o, P > 3", 2),
+        ("largest fragment 0.45", 3),
+        ("erosion's share", 3),
+        ("exponent of the solid fraction in the ellipsoid", 2),
+    ):
+        names = [row.quantity for row in rows if row.quantity.startswith(printed)]
+        assert (len(names), len(judged.intersection(names))) == (conventions, 1)
 
 
 def test_no_exponent_from_two_stresses():

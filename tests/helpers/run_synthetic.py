@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
 
 import synthetic
@@ -12,6 +13,8 @@ from mcdem.monte_carlo import executors
 from mcdem.monte_carlo import process as simulate
 
 if __name__ == "__main__":
+    # What a shell starts in the background is deaf to Ctrl-C, and so would be all that it starts.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     parser = argparse.ArgumentParser()
     parser.add_argument("file")
     parser.add_argument("--events", type=int)

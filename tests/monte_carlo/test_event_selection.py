@@ -17,7 +17,7 @@ from mcdem.monte_carlo.event_selection import EventSelection, encounter_rate, ev
 from mcdem.monte_carlo.event_selection.majorant_rejection import BLOCK, MajorantRejection, capacity_for
 from mcdem.monte_carlo.population import Population
 from mcdem.monte_carlo.process import Process
-from mcdem.monte_carlo.random_streams import stream
+from mcdem.quantities.random_streams import stream
 
 SIGNIFICANCE = 1e-3
 WAYS = ("majorant_rejection", "inverse_transform")

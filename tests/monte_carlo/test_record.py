@@ -15,12 +15,16 @@ import pytest
 import synthetic
 import xarray as xr
 
+from mcdem.analysis.dataset import Run
 from mcdem.encounter.simulate import OUTCOMES
 from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo.process import run
 from mcdem.monte_carlo.record import TIMING
 from mcdem.netcdf.comparison import differences, identical
-from mcdem.netcdf.whole_files import locked
+from mcdem.netcdf.whole_files import FILES
+from pbekit.errors import PBEError
+from pbekit.files import seal
+from pbekit.study.monte_carlo import MonteCarlo
 
 
 @pytest.fixture(scope="module")
@@ -152,6 +156,9 @@ def test_identical_sees_a_single_bit_but_not_the_clock(dataset, tmp_path):
     with netCDF4.Dataset(other, "a") as file:
         x = file["snapshots/position"][7, 2]
         file["snapshots/position"][7, 2] = np.nextafter(x, 1.0)
+    with pytest.raises(DataFileError, match=r"other\.nc: .*checksum differ"):
+        differences(dataset, other)
+    seal(other)
     assert differences(dataset, other) == ["/snapshots/position: values"]
 
 
@@ -174,8 +181,13 @@ def test_an_existing_file_is_neither_replaced_nor_continued_unasked(tmp_path):
     message = refusal(path, resume=True)
     assert "run.nc" in message and "cannot be read" in message
     assert path.read_text() == "dear diary"
-    run(synthetic.scene(), path, events=1, encounter=synthetic.always_miss, overwrite=True)
+    assert "is no dataset of `mcdem run`" in refusal(path, overwrite=True)
+    assert path.read_text() == "dear diary"
+    path.write_text("")  # nothing to lose
+    for _ in range(2):
+        run(synthetic.scene(), path, events=1, encounter=synthetic.always_miss, overwrite=True)
     assert xr.open_dataset(path).sizes["row"] == 2
+    assert [file.name for file in tmp_path.iterdir()] == ["run.nc"]
 
 
 def test_truncated_and_foreign_files_are_refused(dataset, tmp_path):
@@ -208,7 +220,7 @@ def test_another_scene_or_seed_does_not_continue_a_file(dataset, tmp_path):
 
 def test_a_second_run_on_a_file_is_refused(tmp_path):
     path = tmp_path / "run.nc"
-    with locked(path):
+    with FILES.locked(path):
         message = refusal(path)
     assert f"process {os.getpid()} on {socket.gethostname()}" in message
     assert not path.exists()
@@ -228,6 +240,9 @@ import resource, signal, sys
 sys.path[:0] = {paths!r}
 import synthetic
 from mcdem.monte_carlo.process import run
+from pbekit.errors import PBEError
+from pbekit.files import seal
+from pbekit.study.monte_carlo import MonteCarlo
 from mcdem.errors import UserError
 
 scene = synthetic.scene(population__initial=40)
@@ -246,7 +261,7 @@ def test_a_full_disk_leaves_the_last_state_usable(tmp_path):
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=600)
     assert told.returncode == 0, told.stderr
     assert "cannot be written" in told.stdout and "MiB free" in told.stdout
-    assert [p.name for p in tmp_path.iterdir() if p.suffix == ".part"] == []
+    assert [file.name for file in tmp_path.iterdir()] == ["run.nc"]
     scene = synthetic.scene(population__initial=40)
     summary = run(scene, path, events=60, resume=True, encounter=synthetic.aggregation_and_breakup)
     assert summary.events == 60
@@ -255,31 +270,37 @@ def test_a_full_disk_leaves_the_last_state_usable(tmp_path):
     assert identical(path, whole)
 
 
-def test_a_file_damaged_anywhere_is_refused_unless_nothing_was_lost(dataset, tmp_path):
-    """Half a kilobyte of the disk turns to noise: one line that names the file, or a run that goes on as if it had not."""
-    scene = synthetic.scene(population__initial=40, run__snapshot_every="100 ms")
-
-    def go_on(path: Path) -> Path:
-        run(scene, path, events=401, resume=True, encounter=synthetic.always_miss)
-        return path
-
-    whole = bytearray(dataset.read_bytes())
-    sound = tmp_path / "sound.nc"
-    sound.write_bytes(whole)
-    go_on(sound)
+def test_a_file_damaged_anywhere_is_refused_by_every_reader(dataset, tmp_path):
+    """One bit of one byte in three hundred places, the end and the seed among them: one line that names the file."""
+    whole = dataset.read_bytes()
+    damaged = tmp_path / "damaged.nc"
     rng = np.random.default_rng(3)
-    refused = []
-    for block in rng.integers(0, len(whole) - 512, 25):
-        broken = whole.copy()
-        broken[block : block + 512] = rng.bytes(512)
-        damaged = tmp_path / f"damaged-{block}.nc"
+    places = [*rng.integers(0, len(whole), 300), 0, len(whole) - 1, len(whole) - 70, whole.index(b"seed") + 4]
+    for place in places:
+        broken = bytearray(whole)
+        broken[place] ^= 1 << int(rng.integers(8))
         damaged.write_bytes(broken)
+        for read in (Run, MonteCarlo.read, lambda path: differences(path, dataset)):
+            with pytest.raises((DataFileError, PBEError)) as caught:
+                read(damaged)
+            assert str(caught.value).startswith(f"{damaged}: ") and "\n" not in str(caught.value)
+    assert "checksum differ" in refusal(damaged, resume=True)
+    assert "checksum differ" in refusal(damaged, resume=True, seed=6)
+    assert damaged.read_bytes() == bytes(broken)
+
+
+def test_a_dataset_of_before_checksums_is_read_and_its_damage_told(tmp_path):
+    """Blocks of noise: one line that names the file, or what it held."""
+    old = Path(__file__).parents[2] / "notebooks/data/small-1000Pa.nc"
+    whole = old.read_bytes()
+    events = Run(old).events["time"].values
+    damaged = tmp_path / "damaged.nc"
+    rng, refused = np.random.default_rng(4), 0
+    for place in [0, 100, *rng.integers(0, len(whole) - 512, 25)]:
+        damaged.write_bytes(whole[:place] + rng.bytes(512) + whole[place + 512 :])
         try:
-            go_on(damaged)
+            assert len(Run(damaged).events["time"]) == len(events)
         except UserError as problem:
             assert damaged.name in str(problem) and "\n" not in str(problem)
-            assert damaged.read_bytes() == broken
-            refused.append(block)
-        else:
-            assert differences(sound, damaged) == []
-    assert 10 < len(refused)
+            refused += 1
+    assert refused > 10

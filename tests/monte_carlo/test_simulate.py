@@ -25,9 +25,9 @@ from mcdem.analysis.dataset import Run
 from mcdem.errors import UserError
 from mcdem.monte_carlo import process as simulate
 from mcdem.monte_carlo.process import Process
-from mcdem.monte_carlo.random_streams import stream
 from mcdem.monte_carlo.speculative_execution import BEGUN, PASSED, UNTOUCHED, Foresight, ready
 from mcdem.netcdf.comparison import differences
+from mcdem.quantities.random_streams import stream
 from mcdem.scene import load_scene
 
 EVENTS = 700
@@ -305,7 +305,9 @@ def test_killed_at_three_random_moments_it_gives_the_same_dataset(reference, tmp
     assert differences(reference, path) == []
 
 
-@pytest.mark.parametrize(("number", "workers"), [(signal.SIGINT, "1"), (signal.SIGTERM, "2")])
+@pytest.mark.parametrize(
+    ("number", "workers"), [(signal.SIGINT, "1"), (signal.SIGTERM, "2"), (signal.SIGHUP, "1")]
+)
 def test_asked_to_stop_it_leaves_a_whole_dataset(reference, tmp_path, number, workers):
     path = tmp_path / "run.nc"
     process = start(path, "--events", str(EVENTS), "--workers", workers)

@@ -17,7 +17,7 @@ import xarray as xr
 
 from mcdem.errors import UserError
 from mcdem.monte_carlo import process as simulate
-from mcdem.monte_carlo.sweep import members, parse_setting, sweep
+from mcdem.monte_carlo.sweep import members, parse_setting, parse_settings, replaced, sweep
 from mcdem.netcdf.comparison import differences
 
 SETTINGS = {"flow.viscosity": ["75 mPa s", "100 mPa s"], "population.initial": ["30", "50"]}
@@ -101,12 +101,77 @@ def test_a_setting_that_is_none_is_refused(given, cure):
 
 
 def test_a_wrong_value_is_refused_before_anything_runs(tmp_path):
+    for given, values in (
+        ("[1, 2],[3]", ["[1, 2]", "[3]"]),
+        ("[[1,0],[0,1]]", ["[[1,0],[0,1]]"]),
+        ("['1 nm', '2, nm'],none", ["['1 nm', '2, nm']", "none"]),
+        ('"a,b"', ['"a,b"']),
+    ):
+        assert parse_setting(f"suspension.radii={given}") == ("suspension.radii", values)
     assert parse_setting("flow.shear_stress=750Pa, 1 kPa") == ("flow.shear_stress", ["750Pa", "1 kPa"])
     with pytest.raises(UserError, match="viscosity"):
         run(tmp_path / "sweep", {"flow.viscosity": ["75 mPa s", "100 Hz"]})
     with pytest.raises(UserError, match="twice"):
         run(tmp_path / "sweep", {"flow.viscosity": ["75 mPa s", "75 mPa s"]})
     assert not (tmp_path / "sweep").exists()
+
+
+def both_ways(*settings: str) -> list[dict[str, list[str]]]:
+    return [parse_settings(list(order)) for order in (settings, settings[::-1])]
+
+
+def test_names_and_index_say_what_the_scenes_say(tmp_path):
+    """Two of the flow set together stay, in either order: what is written on a member is what runs in it."""
+    scene = synthetic.scene()
+    for settings in both_ways("flow.shear_stress=750Pa,10Pa", "flow.viscosity=1cP"):
+        for member in members(scene, settings, 1, 7, tmp_path):
+            flow, stress = member.scene.flow, float(member.settings["flow.shear_stress"].removesuffix("Pa"))
+            assert (flow.shear_stress, flow.viscosity) == (
+                stress,
+                1e-3,
+            ) and f"shear_stress={stress:g}Pa" in member.file.name
+            for key, words in member.settings.items():
+                assert member.scene.value_at(key) == words
+    with pytest.raises(UserError, match="give exactly two of shear_rate, viscosity and shear_stress"):
+        members(
+            scene,
+            parse_settings(["flow.shear_stress=1Pa", "flow.viscosity=1cP", "flow.shear_rate=5 1/s"]),
+            1,
+            7,
+            tmp_path,
+        )
+    assert replaced(scene, ["flow.shear_stress"]) == [
+        "flow.shear_stress given: flow.viscosity of the scene gives way"
+    ]
+    assert replaced(scene, ["flow.viscosity"]) == []
+
+
+def test_values_are_split_between_brackets_and_quotes_only(tmp_path):
+    shear, mixed = "[[0,0,0],[0,0,0],[0,1,0]]", "[[-0.7,0,0],[0,-0.3,0],[0,0,1]]"
+    key, values = parse_setting(f"flow.gradient={shear},{mixed}")
+    assert values == [shear, mixed]
+    found = members(synthetic.scene(), {"flow.kind": ["linear"], key: values}, 1, 7, tmp_path)
+    assert [m.scene.flow.gradient[2] for m in found] == [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+    assert parse_setting("effects.jkr={a = '1,2', b = 3}, none")[1] == ["{a = '1,2', b = 3}", "none"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (["flow.viscosity=75 mPa s,75cP"], "viscosity=75cP and viscosity=75_mPa_s are the same scene"),
+        (["flow.viscosity=75cP", "flow.viscosity=50cP"], "flow.viscosity is given twice"),
+        (["flow.viscosity=75"], "viscosity = 75 has no unit"),
+        (["population.initial=30 # few"], "initial = .* expected an integer"),
+        (["population.initial=30\nrun.seed = 3"], "expected TABLE.KEY=VALUE"),
+        (["run.seed=" + ",".join(map(str, range(20_000)))], "20000 members: expected at most 10000"),
+        (["population.initial=" + "[" * 400], "expected an integer"),
+        (["population.initial=" + "[" * 5000], "a value of more than 500 characters"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(tmp_path, settings, words):
+    with pytest.raises(UserError, match=words) as caught:
+        members(synthetic.scene(), parse_settings(settings), 1, 7, tmp_path)
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 400
 
 
 def start(folder: Path, workers: int, encounter: str) -> subprocess.Popen[str]:

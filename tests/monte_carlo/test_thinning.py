@@ -14,7 +14,7 @@ from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo.compress import DIGITS, rounded, thin
 from mcdem.monte_carlo.process import run
 from mcdem.netcdf.comparison import differences
-from mcdem.netcdf.whole_files import locked
+from mcdem.netcdf.whole_files import FILES
 
 SCENE = synthetic.scene(population__initial=40, run__snapshot_every="50 ms")
 
@@ -122,7 +122,7 @@ def test_what_cannot_be_thinned_is_refused(whole, tmp_path):
 
 
 def test_a_file_that_a_run_is_writing_is_not_replaced(whole, tmp_path):
-    with locked(tmp_path / "busy.nc"), pytest.raises(DataFileError, match="another run"):
+    with FILES.locked(tmp_path / "busy.nc"), pytest.raises(DataFileError, match="another run"):
         thin(whole, tmp_path / "busy.nc")
 
 

@@ -222,7 +222,7 @@ def test_compare_draws_and_tells(files, tmp_path):
 
 def test_mistakes_are_answered_in_a_line(files, tmp_path):
     done = call("show", tmp_path / "none.nc")
-    assert done.exit_code == 2 and "no kernel table" in done.output
+    assert done.exit_code == 2 and "expected a kernel table" in done.output
     (tmp_path / "s.nc").write_text("")
     done = call("solve", files / "k.nc", "-o", tmp_path / "s.nc")
     assert done.exit_code == 2 and "--overwrite" in done.output

@@ -320,7 +320,7 @@ def test_bad_records_and_files_are_refused(tmp_path):
     with pytest.raises(PBEError, match="unequal length: offset"):
         dataclasses.replace(records, offset=np.zeros((3, 2)))
     (tmp_path / "no.nc").write_text("nothing")
-    with pytest.raises(PBEError, match="no kernel table"):
+    with pytest.raises(PBEError, match="expected a kernel table"):
         KernelTable.load(tmp_path / "no.nc")
     with pytest.raises(PBEError, match="whole primaries"):
         Closure(KernelTable.of(records, 1, 1, shapes=1), Grid.geometric(1, 10))

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+SHARED = {"pbekit", "pbekit.endings", "pbekit.files", "pbekit.files.said_of_system"}
+"""How a command line program ends is the same for both."""
 SOURCES = [*sorted((ROOT / "mcdem").rglob("*.py")), *sorted((ROOT / "pbekit").rglob("*.py"))]
 
 
@@ -40,12 +42,58 @@ def test_rooms_stay_apart(source):
         assert not reaches(source, outside), f"{place} imports {outside}, which no package may"
     if place.parts[0] == "pbekit":
         assert not reaches(source, "mcdem"), f"{place} imports mcdem: pbekit stands alone"
-    elif reaches(source, "pbekit"):
-        assert place == Path("mcdem/kernel_tables.py"), (
-            f"{place} imports pbekit: the one crossing is mcdem/kernel_tables.py"
-        )
+    elif place != Path("mcdem/kernel_tables.py"):
+        of_pbekit = {name for name in imported(source) if name.split(".")[0] == "pbekit"}
+        assert of_pbekit <= SHARED, f"{place} imports pbekit: the one crossing is mcdem/kernel_tables.py"
     if holds_kernels(source):
         assert not reaches(source, "xarray"), f"{place} holds kernels and imports xarray"
+
+
+WRITES = {"write_text", "write_bytes", "to_netcdf", "to_csv", "savefig", "savetxt", "tofile"}
+READS = {"open_dataset", "load_dataset", "open_datatree"}
+NOT_FILES_OF_USERS = {"beside", "buffer"}
+"""Names of what is written beside a place (`Files.replacing`), or kept in memory."""
+
+
+def strays(tree: ast.AST) -> list[str]:
+    """Calls that write or read a file by another way than that of `pbekit.files`."""
+    guarded = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.With)
+        and any(".reading(" in ast.unparse(item.context_expr) for item in node.items)
+        for inner in ast.walk(node)
+    }
+    found = []
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute):
+            continue
+        name = node.func.attr
+        about = {n.id for part in (node.func, *node.args) for n in ast.walk(part) if isinstance(n, ast.Name)}
+        opens = name == "open" and any(
+            isinstance(a, ast.Constant) and str(a.value)[:1] in "wax" for a in node.args
+        )
+        if (name in WRITES or opens) and not about & NOT_FILES_OF_USERS:
+            found.append(ast.unparse(node))
+        if name in READS and id(node) not in guarded:
+            found.append(ast.unparse(node))
+    return found
+
+
+def test_files_are_written_and_read_in_one_way():
+    found = {str(source.relative_to(ROOT)): strays(ast.parse(source.read_text())) for source in SOURCES}
+    assert {place for place, calls in found.items() if calls} <= {"pbekit/files.py"}, found
+
+
+def test_the_rule_sees_other_ways():
+    for words in ("path.write_text('x')", "data.to_netcdf(path)", "path.open('w')", "xr.open_dataset(path)"):
+        assert strays(ast.parse(words)) == [words]
+    assert not strays(ast.parse("with FILES.reading(path, ''), xr.open_dataset(path) as data: pass"))
+
+
+def test_the_way_to_files_knows_neither_program():
+    ours = {name.split(".")[0] for name in imported(ROOT / "pbekit/files.py")} & {"mcdem", "pbekit"}
+    assert not ours
 
 
 def test_the_rule_sees_kernels_and_imports_inside_functions():

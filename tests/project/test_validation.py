@@ -166,6 +166,19 @@ def test_a_cases_numbers_rest_on_what_it_imports():
     }
 
 
+def test_what_needs_an_absent_library_is_not_run_and_not_kept(tmp_path, monkeypatch):
+    def needs(context, argument):
+        raise ModuleNotFoundError("No module named 'mpmath'", name="mpmath")
+
+    case = keep_case(monkeypatch, "drag_along_the_line", counting_case(tmp_path))
+    object.__setattr__(case, "measure", needs)
+    (outcome,) = run([case], tmp_path / "kept", Here())
+    assert (outcome.verdict, outcome.needs, outcome.as_expected) == ("not run", "mpmath", True)
+    assert not list((tmp_path / "kept").rglob("*.json"))
+    assert "**not run**: needs mpmath: pip install mpmath" in report.markdown([outcome])
+    assert "not run" in report.html([outcome], "Validation")
+
+
 def test_any_executor_gives_the_same_numbers(tmp_path):
     case = cases_of.load("batchelor_green_mobility")
     (here,) = run([case], tmp_path / "here", Here(), quick=True)

@@ -186,8 +186,8 @@ def test_changes_add_and_remove_keys_and_tables():
     [
         ({"flow.shear_strss": "750 Pa"}, '[flow] unknown key "shear_strss"; did you mean "shear_stress"?'),
         (
-            {"flow.shear_stress": 750.0},
-            '[flow] shear_stress = 750.0 has no unit; expected a positive stress, such as "750 Pa"',
+            {"flow.shear_stress": -750.0},
+            '[flow] shear_stress = "-750.0 Pa" is not positive; expected a stress from 1e-12 Pa to 1e12 Pa, such as "750 Pa"',
         ),
         ({"flow.shear_rate.x": 1}, '"shear_rate" is a key, not a table'),
         ({"numerics.implicit.max_step": -1.0}, "[numerics] max_step = -1.0 is not positive"),
@@ -215,51 +215,56 @@ MISTAKES = {
     "unknown effect": ("[effects.jkr]", "[effects.jrk]", '[effects] unknown table "jrk"; did you mean "jkr"?'),
     "wrong dimension": (
         '"500 nm"', '"500 Pa"',
-        '[suspension] radius = "500 Pa" has the wrong dimension (Pa); expected a positive length, such as "500 nm"',
+        '[suspension] radius = "500 Pa" has the wrong dimension (Pa); expected a length from 0.1 nm to 1 cm, such as "500 nm"',
     ),
-    "no unit": ('"500 nm"', "500", '[suspension] radius = 500 has no unit; expected a positive length, such as "500 nm"'),
+    "no unit": (
+        '"500 nm"', "500", '[suspension] radius = 500 has no unit; expected a length from 0.1 nm to 1 cm, such as "500 nm"'
+    ),
     "no unit in text": (
-        '"500 nm"', '"500"', '[suspension] radius = "500" has no unit; expected a positive length, such as "500 nm"'
+        '"500 nm"', '"500"', '[suspension] radius = "500" has no unit; expected a length from 0.1 nm to 1 cm, such as "500 nm"'
     ),
     "unknown unit": (
         '"500 nm"', '"500 nn"',
         '[suspension] radius = "500 nn" is not a number with a unit that can be read; '
-        'expected a positive length, such as "500 nm"',
+        'expected a length from 0.1 nm to 1 cm, such as "500 nm"',
     ),
     "decimal comma": (
         '"500 nm"', '"5,5 nm"',
         '[suspension] radius = "5,5 nm" is not a number with a unit that can be read; '
-        'expected a positive length, such as "500 nm"',
+        'expected a length from 0.1 nm to 1 cm, such as "500 nm"',
     ),
     "negative": (
         '"500 nm"', '"-500 nm"',
-        '[suspension] radius = "-500 nm" is not positive; expected a positive length, such as "500 nm"',
+        '[suspension] radius = "-500 nm" is not positive; expected a length from 0.1 nm to 1 cm, such as "500 nm"',
     ),
     "zero": (
         '"0.165 nm"', '"0 nm"',
-        '[effects.van_der_waals] minimum_approach = "0 nm" is not positive; expected a positive length, such as "500 nm"',
+        '[effects.van_der_waals] minimum_approach = "0 nm" is not positive; '
+        'expected a length from 1e-15 m to 1 mm, such as "0.165 nm"',
     ),
     "zero shear rate": (
         '"1e4 1/s"', '"0 1/s"',
-        '[flow] shear_rate = "0 1/s" is not positive; expected a positive rate, such as "1e4 1/s"',
+        '[flow] shear_rate = "0 1/s" is not positive; expected a rate from 1e-9 1/s to 1e12 1/s, such as "1e4 1/s"',
     ),
     "NaN": (
         "volume_fraction = 1e-4", "volume_fraction = nan",
-        "[suspension] volume_fraction = nan is not finite; expected a positive number, such as 0.5",
+        "[suspension] volume_fraction = nan is not finite; expected a number from 1e-15 to 0.74, such as 1e-4",
     ),
     "NaN with a unit": (
         '"500 nm"', '"nan nm"',
-        '[suspension] radius = "nan nm" is not finite; expected a positive length, such as "500 nm"',
+        '[suspension] radius = "nan nm" is not finite; expected a length from 0.1 nm to 1 cm, such as "500 nm"',
     ),
     "infinite": (
-        '"300 s"', '"inf s"', '[run] until = "inf s" is not finite; expected a positive time, such as "10 s"'
+        '"300 s"', '"inf s"', '[run] until = "inf s" is not finite; expected a time from 1e-15 s to 1e15 s, such as "10 s"'
     ),
     "denser than a packing": (
         "volume_fraction = 1e-4", "volume_fraction = 0.9",
-        "[suspension] volume_fraction = 0.9; expected a positive number < 0.74",
+        "[suspension] volume_fraction = 0.9 is out of bounds; expected a number from 1e-15 to 0.74, such as 1e-4",
     ),
-    "not an integer": ("initial = 200", "initial = 200.5", "[population] initial = 200.5; expected an integer >= 2"),
-    "text for a number": ("initial = 200", 'initial = "200"', '[population] initial = "200"; expected an integer >= 2'),
+    "not an integer": ("initial = 200", "initial = 200.5", "[population] initial = 200.5; expected an integer from 2 to 1000000"),
+    "text for a number": (
+        "initial = 200", 'initial = "200"', '[population] initial = "200"; expected an integer from 2 to 1000000'
+    ),
     "unknown choice": (
         'scheme = "implicit"', 'scheme = "explicit"',
         '[numerics] scheme = "explicit"; expected "implicit" or "paper"',

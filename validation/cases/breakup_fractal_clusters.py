@@ -45,12 +45,12 @@ def measure(context: Context, part):
 
 
 def judge(context: Context, found):
-    from mcdem.analysis.statistics import fit_power_law
+    from mcdem.analysis.statistics import OF_MEANS, fit_power_law
 
     rows = dict(found)
     *_, doublet = rows.pop("doublet")
     size, gyration, stress, _ = np.array(list(rows.values())).T
-    fit, shape = fit_power_law(size, stress), fit_power_law(gyration, size)
+    fit, shape = (fit_power_law(x, y, minimum=OF_MEANS) for x, y in ((size, stress), (gyration, size)))
     q = -1.0 / fit.exponent
     error = 0.5 * (-1.0 / fit.exponent_high + 1.0 / fit.exponent_low)
     checks = [

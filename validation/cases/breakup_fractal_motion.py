@@ -117,10 +117,11 @@ def bonds_of(result) -> set[frozenset[int]]:
 
 def exponent(rows, key: str) -> tuple[float, float]:
     """(q, error) of P ~ stress^-q; error: half the width of its 95 % limits."""
-    from mcdem.analysis.statistics import fit_power_law
+    from mcdem.analysis.statistics import OF_MEANS, fit_power_law
 
     known = [row for row in rows if math.isfinite(row[key] or math.nan)]
-    fit = fit_power_law([row["primaries"] for row in known], [row[key] for row in known])
+    fit = fit_power_law([row["primaries"] for row in known], [row[key] for row in known],
+                        minimum=OF_MEANS)  # fmt: skip
     if fit is None:
         return math.nan, math.nan
     return -1.0 / fit.exponent, 0.5 * (-1.0 / fit.exponent_high + 1.0 / fit.exponent_low)

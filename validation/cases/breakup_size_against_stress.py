@@ -84,9 +84,9 @@ def chains():
 
 def slope(sizes, stresses):
     """(1/q, error) of stress ~ P^(-1/q); error: half the width of its 95 % limits."""
-    from mcdem.analysis.statistics import fit_power_law
+    from mcdem.analysis.statistics import OF_MEANS, fit_power_law
 
-    fit = fit_power_law(sizes, stresses)
+    fit = fit_power_law(sizes, stresses, minimum=OF_MEANS)
     return (-fit.exponent, 0.5 * (fit.exponent_high - fit.exponent_low)) if fit else (math.nan, math.nan)
 
 

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from mcdem.netcdf.whole_files import FILES, HARD_CASES
+from pbekit import endings
 from validation.hard_cases import table
 from validation.hard_cases.case import Finding
 from validation.hard_cases.catalogue import CATALOGUE
@@ -43,10 +45,10 @@ def main(
     judged = table.judge(chosen, lambda finding: print(row(finding), flush=True))
     print(table.summary(judged))
     if readme:
-        table.README.write_text(table.markdown(judged), encoding="utf-8")
+        FILES.write(table.README, HARD_CASES, table.markdown(judged))
     if table.verdicts(judged)["broken"]:
         raise typer.Exit(1)
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    endings.program(lambda: typer.run(main))

@@ -8,6 +8,7 @@ or on another machine, and still be the same encounter.
 from __future__ import annotations
 
 import hashlib
+from numbers import Integral
 
 import numpy as np
 from numpy.random import Generator, Philox
@@ -20,9 +21,9 @@ LARGEST_SEED = 2**63 - 1
 
 def checked(seed: int) -> int:
     """The seed, if it is one; raises `UserError` if not."""
-    if not 0 <= seed <= LARGEST_SEED:
+    if not isinstance(seed, Integral) or isinstance(seed, bool) or not 0 <= seed <= LARGEST_SEED:
         raise UserError(f"seed = {seed}: expected an integer from 0 to {LARGEST_SEED}")
-    return seed
+    return int(seed)
 
 
 def stream(seed: int, purpose: str, *place: int) -> Generator:

@@ -1,0 +1,205 @@
+"""What the balance cannot mean is refused in one line that says what was expected, by its functions and by its command."""
+
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pytest
+from pbe_synthetic import RADIUS, SHEAR_RATE, encounters
+from typer.testing import CliRunner
+
+from pbekit import (
+    Aggregation,
+    Breakage,
+    CollisionalBreakup,
+    Grid,
+    PBEError,
+    PopulationBalance,
+    Restructuring,
+    TwoComponentGrid,
+    integrate,
+    steady_state,
+)
+from pbekit.balance.breakage import BetaSplit, CriticalSize, PowerLawRate, SchulzZimm, TwoPeak, Uniform
+from pbekit.balance.efficiencies import VanDeVenMason
+from pbekit.balance.encounters import PairRows
+from pbekit.balance.kernels import FractalRadius, ShearEncounter
+from pbekit.commands.main import app
+from pbekit.estimated_rates.closures import Closure, grid_for, start_of
+from pbekit.estimated_rates.stress_interpolation import between
+from pbekit.solution.finite_population import population_course
+from pbekit.study.uncertainty import band, draws_of
+from pbekit.tables.kernel_table import KernelTable
+
+GRID = Grid.primaries(10)
+OPEN = PopulationBalance(GRID, [Aggregation(1.0)])
+CLOSED = PopulationBalance(GRID, [Aggregation(1.0)], edge="closed")
+START = GRID.monodisperse(1.0)
+TIMES = np.linspace(0.0, 1.0, 3)
+SHAPED = GRID.with_shapes([1, 2, 3])
+
+
+def table() -> KernelTable:
+    rng = np.random.default_rng(1)
+    size = rng.integers(1, 8, (300, 2))
+    return KernelTable.of(encounters(rng, size, np.ones((300, 2))), RADIUS, SHEAR_RATE, shapes=1)
+
+
+TABLE = table()
+
+
+def with_kernel(kernel):
+    return lambda: PopulationBalance(GRID, [Aggregation(kernel)])
+
+
+def breaking(rate, daughters=None):
+    return lambda: PopulationBalance(GRID, [Breakage(rate, daughters or Uniform())])
+
+
+def falls(mass):
+    return np.where(mass > 1, 1.0, 0.0)
+
+
+def per_pair(daughters):
+    return lambda: PopulationBalance(GRID, [CollisionalBreakup(1.0, daughters)])
+
+
+REFUSED = {
+    "kernel of text": (with_kernel("fast"), "kernel: got 'fast', expected a Kernel"),
+    "kernel of one row": (with_kernel([1.0, 2.0]), r"kernel: got .*an array \(K, K\)"),
+    "kernel in three dimensions": (with_kernel(np.ones((10, 10, 2))), r"kernel: got .*an array \(K, K\)"),
+    "kernel of another grid": (with_kernel(np.ones((3, 3))), r"array is \(3, 3\), but the grid has 10 cells"),
+    "kernel of nothing": (with_kernel(None), "kernel: got None"),
+    "kernel true": (with_kernel(True), "kernel: got True"),
+    "kernel that returns another shape": (with_kernel(lambda a, b: np.ones(7)), r"numbers that broadcast to \(10, 10\)"),
+    "kernel that returns text": (with_kernel(lambda a, b: "x"), r"numbers that broadcast to \(10, 10\)"),
+    "kernel of one argument": (with_kernel(lambda a: a), "takes 1 arguments, expected"),
+    "shear of text": (lambda: ShearEncounter("x"), "shear_rate = 'x': expected a number above 0"),
+    "radius below zero": (lambda: FractalRadius(-1.0), "radius = -1.0: expected a number above 0"),
+    "attraction of nan": (lambda: VanDeVenMason(float("nan")), "attraction = nan: expected a number above 0"),
+    "rate of text": (breaking("x"), "breakage rate str: expected a number"),
+    "rate of another grid": (breaking([0.0, 1.0]), r"expected a number, a function of mass, or an array \(10,\)"),
+    "rate that returns another shape": (breaking(lambda m: np.ones(3)), r"or an array \(10,\)"),
+    "law of a rate of text": (lambda: PowerLawRate("x"), "PowerLawRate: rate = 'x'"),
+    "critical size below zero": (lambda: CriticalSize(-1.0, 1.0, 1.0), "CriticalSize: stress = -1.0"),
+    "daughters of number": (breaking(falls, 3), "daughters: expected a Daughters"),
+    "daughters that return a number": (breaking(falls, lambda p: 3), "expected two arrays of one length"),
+    "daughters of two lengths": (breaking(falls, lambda p: ([1, 2], [1])), "expected two arrays of one length"),
+    "beta below zero": (lambda: BetaSplit(-1.0), "BetaSplit: concentration = -1.0"),
+    "two peaks of text": (lambda: TwoPeak("x"), "TwoPeak: fraction = 'x'"),
+    "gamma of no mean": (lambda: SchulzZimm(0.0), "SchulzZimm: mean = 0.0"),
+    "pairs that break into one array": (per_pair(lambda a, b: (3,)), "expected two arrays, masses and expected numbers"),
+    "pairs that break into two lengths": (per_pair(lambda a, b: ([1, a], [1])), "2 masses and 1 numbers"),
+    "pair rows of another shape": (per_pair(PairRows(np.ones((2, 2)))), "pair rows"),
+    "pair rows of text": (per_pair(PairRows("x")), "products of pair rows: cannot be read"),
+    "transition of text": (lambda: PopulationBalance(SHAPED, [Restructuring(1.0, "x")]), "transition: cannot be read"),
+    "shapes of text": (lambda: PopulationBalance(SHAPED, [Aggregation(1.0, "x")]), "shape shares: cannot be read"),
+    "a number as an event": (lambda: PopulationBalance(GRID, [3]), "events: got 3"),
+    "a number as a grid": (lambda: PopulationBalance(3, [Aggregation(1.0)]), "grid: got 3, expected a Grid"),
+    "grid of text": (lambda: Grid("x", [1.0], True), "pivots: cannot be read as numbers"),
+    "grid of half a size": (lambda: Grid.primaries(2.5), "exact_to = 2.5: expected a whole number"),
+    "grid of too many": (lambda: Grid.primaries(10**9), "exact_to = 1000000000: expected a whole number from 1 to"),
+    "grid that ends too early": (lambda: Grid.primaries(32, largest=5), "largest = 5 lies below exact_to = 32"),
+    "grid without growth": (lambda: Grid.primaries(5, largest=50, ratio=1.0), "ratio = 1.0"),
+    "volumes from zero": (lambda: Grid.geometric(0.0, 1.0), "smallest = 0.0"),
+    "volumes backwards": (lambda: Grid.geometric(2.0, 1.0), "largest = 1.0: expected a number from 2"),
+    "radii of text": (lambda: GRID.with_outer_radius("x"), "outer radii: cannot be read"),
+    "radii of another grid": (lambda: GRID.with_outer_radius([1.0, 2.0]), r"outer radii: got shape \(2,\)"),
+    "radii of three arguments": (lambda: GRID.with_outer_radius(lambda a, b, c: a), "a function of 3 arguments"),
+    "shapes edges of text": (lambda: GRID.with_shapes("x"), "shape edges: cannot be read"),
+    "two components of text": (lambda: TwoComponentGrid("x", [1, 2]), "first pivots: cannot be read"),
+    "number below zero": (lambda: GRID.monodisperse(-1.0), "number = -1.0"),
+    "number of text": (lambda: GRID.monodisperse("x"), "number = 'x'"),
+    "population of text": (lambda: integrate(OPEN, "x", TIMES), r"population: expected \(10,\) numbers"),
+    "population of another grid": (lambda: integrate(OPEN, START[:3], TIMES), r"population: got shape \(3,\)"),
+    "times of text": (lambda: integrate(OPEN, START, "x"), "times: cannot be read"),
+    "times without end": (lambda: integrate(OPEN, START, [0.0, np.inf]), "times: times must be finite"),
+    "Euler": (lambda: integrate(OPEN, START, TIMES, method="Euler"), "method = 'Euler': expected one of LSODA, BDF"),
+    "a number as a method": (lambda: integrate(OPEN, START, TIMES, method=3), "method = 3"),
+    "tolerance below zero": (lambda: integrate(OPEN, START, TIMES, rtol=-1.0), "rtol = -1.0"),
+    "a number as a balance": (lambda: integrate(3, START, TIMES), "balance: got 3, expected a PopulationBalance"),
+    "steady state of nothing": (lambda: steady_state(CLOSED, 0.0 * START), "the population is empty"),
+    "steady guess of text": (lambda: steady_state(CLOSED, START, guess="x"), "guess: cannot be read"),
+    "steady tolerance": (lambda: steady_state(CLOSED, START, tolerance=-1.0), "tolerance = -1.0"),
+    "largest below what was seen": (lambda: grid_for(TABLE, largest=5), "largest = 5: expected at least 7, the largest"),
+    "shapes by a word": (lambda: grid_for(TABLE, shapes="round"), 'shapes: got \'round\', expected "table"'),
+    "grid for a path": (lambda: grid_for("kernels.nc"), "table: got 'kernels.nc', expected a KernelTable"),
+    "fraction below zero": (lambda: start_of(GRID, TABLE, -1.0), "volume fraction = -1.0: expected a share"),
+    "fraction beyond a packing": (lambda: start_of(GRID, TABLE, 0.8), "volume fraction = 0.8"),
+    "closure of a path": (lambda: Closure("kernels.nc", GRID), "table: got 'kernels.nc'"),
+    "closure without a grid": (lambda: Closure(TABLE, "x"), "grid: got 'x', expected a Grid"),
+    "closure of an edge": (lambda: Closure(TABLE, GRID, edge="x"), "edge: got 'x', expected one of"),
+    "stress of text": (lambda: between([TABLE, TABLE], "x"), "stress = 'x'"),
+    "stress of nan": (lambda: between([TABLE, TABLE], float("nan")), "stress = nan"),
+    "no draws": (lambda: draws_of(Closure(TABLE, GRID), dict, 0), "draws = 0"),
+    "a negative seed": (lambda: draws_of(Closure(TABLE, GRID), dict, 2, seed=-1), "seed = -1"),
+    "level beyond one": (lambda: band(np.ones(3), 2.0), "level = 2.0"),
+    "finite population of no fraction": (lambda: population_course(Closure(TABLE, GRID), 0.0, TIMES), "volume fraction = 0.0"),
+    "finite population backwards": (lambda: population_course(Closure(TABLE, GRID), 1e-4, [1.0, 0.0]), "times must be 0 or more"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused_in_one_line(name):
+    call, words = REFUSED[name]
+    with pytest.raises(PBEError, match=words) as caught:
+        call()
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 300
+
+
+def test_a_number_of_numpy_and_one_event_are_taken():
+    for kernel in (np.float64(1.0), np.int64(1), 1):
+        one = PopulationBalance(GRID, Aggregation(kernel))
+        np.testing.assert_array_equal(one.rhs(0.0, one.state(START)), OPEN.rhs(0.0, OPEN.state(START)))
+
+
+def test_a_largest_size_is_the_grids():
+    for largest in (7, 12, 40):
+        assert grid_for(TABLE, largest=largest).pivots[-1] >= largest
+    assert grid_for(TABLE, largest=7).pivots[-1] == 7 and grid_for(TABLE).pivots[-1] == 32
+
+
+@pytest.fixture(scope="module")
+def kernels(tmp_path_factory):
+    path = tmp_path_factory.mktemp("tables") / "kernels.nc"
+    TABLE.save(path)
+    return path
+
+
+OPTIONS = {
+    "--method Euler": "--method 'Euler': expected one of LSODA, BDF, Radau",
+    "--scheme best": "--scheme 'best': expected one of fixed pivot, cell average",
+    "--volume-fraction -1": "--volume-fraction -1: expected a share above 0 and below 0.74",
+    "--volume-fraction 0.8": "--volume-fraction 0.8: expected a share above 0 and below 0.74",
+    "--volume-fraction nan": "nan is not a finite number",
+    "--largest 5": "largest = 5: expected at least 7, the largest aggregate that the table saw",
+    "--stress -3": "--stress -3: expected a stress above 0, in Pa",
+    "--stress inf": "inf is not a finite number",
+    "--seed 99999999999999999999": "--seed",
+    "--exact-to 1000000": "--exact-to",
+    "--draws -1": "--draws",
+    "--samples 1": "--samples",
+}
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_options_that_cannot_be_meant_are_refused(option, kernels, tmp_path):
+    out = tmp_path / "out.nc"
+    done = CliRunner().invoke(app, ["solve", str(kernels), "-o", str(out), *option.split()])
+    assert done.exit_code == 2, done.output
+    assert (
+        OPTIONS[option] in " ".join(done.output.replace("│", " ").split()) and "Traceback" not in done.output
+    )
+    assert not out.exists()
+
+
+def test_what_is_not_taken_as_given_is_said(kernels, tmp_path):
+    given = ["solve", str(kernels), "-o", str(tmp_path / "out.nc"), "--until", "1", "--samples", "2"]
+    done = CliRunner().invoke(app, [*given, "--volume-fraction", "0.3", "--largest", "14"])
+    assert done.exit_code == 0, done.output
+    assert "warning: at a volume fraction of 0.3 encounters are not of two aggregates alone" in done.output
+    assert "--exact-to 32 is taken as 14, the largest size" in done.output
+    dilute = CliRunner().invoke(app, [*given, "--volume-fraction", "1e-4", "--overwrite"])
+    assert dilute.exit_code == 0 and "warning" not in dilute.output
+    shutil.rmtree(tmp_path)

@@ -1,0 +1,122 @@
+"""Numbers that the prose states of committed data are those of the data."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mcdem.analysis.dataset import Run, by_stress
+from mcdem.analysis.paper_comparison import JUDGED_READING, JUDGED_REGRESSION, breakup_exponents, compare
+from pbekit.tables.kernel_table import SOURCES, KernelTable
+
+ROOT = Path(__file__).parents[2]
+DATA = ROOT / "notebooks" / "data"
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return {
+        path.name: Run(path)
+        for path in sorted(DATA.glob("*.nc"))
+        if path.name.startswith(("run-", "growth-"))
+    }
+
+
+def test_the_table_of_runs_is_what_the_runs_hold(runs):
+    rows = re.findall(
+        r"^\| `(.*?\.nc)` \|(.*)\|$", (DATA / "README.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert {name for name, _ in rows} == set(runs)
+    for name, cells in rows:
+        begun, seed, until, encounters, _, each, steady = (cell.strip() for cell in cells.split("|"))
+        run = runs[name]
+        assert int(begun) == run.scene.population.initial, name
+        assert int(seed) == run.attributes["seed"], name
+        assert float(until.removesuffix(" s")) == pytest.approx(run.time[-1], abs=0.5), name
+        assert int(encounters.replace(" ", "")) == len(run.outcome), name
+        cpu = 1e3 * float(run.events["cpu_time"].mean())
+        assert float(each.removesuffix(" ms")) == pytest.approx(cpu, abs=0.6), name
+        if not run.steady.reached:
+            assert steady == "-", (name, run.steady)
+        else:
+            assert float(steady.removesuffix(" s")) == pytest.approx(run.steady.start, abs=1.0), name
+
+
+def test_the_tables_hold_as_many_designed_encounters_as_is_said():
+    (most,) = re.findall(r"up to (\d+) designed ones", (DATA / "README.md").read_text(encoding="utf-8"))
+    designed = [
+        int((KernelTable.load(path).records.source == SOURCES.index("designed")).sum())
+        for path in sorted(DATA.glob("kernels-*.nc"))
+    ]
+    assert max(designed) == int(most)
+
+
+@pytest.mark.parametrize(
+    "path", sorted(ROOT.glob("notebooks/*.ipynb")) + [ROOT / "validation/README.md"], ids=lambda p: p.name
+)
+def test_prose_counts_no_encounters_of_data_that_may_be_made_anew(path):
+    """The counts stand in one table, above; elsewhere code prints them."""
+    text = path.read_text(encoding="utf-8")
+    assert not re.search(r"\d+ designed|run of \d[\d ]+ encounters", text)
+
+
+def quoted(start):
+    """The cell "here" of a row of README's table against the paper."""
+    (row,) = [line for line in README.splitlines() if line.startswith(f"| {start}")]
+    return row.split("|")[3].strip()
+
+
+@pytest.mark.slow
+def test_the_readme_quotes_what_the_comparison_says(runs):
+    groups = by_stress(run for name, run in runs.items() if name.startswith("run-"))
+    rows = {row.quantity: row for row in compare(groups[1000.0])}
+    words = {"length": "P on length", "size": "length on P"}[JUDGED_REGRESSION]
+    d_g, k_g, d_o = (rows[f"{name}, P > 3, {words}"] for name in ("d_g", "k_g", "d_o"))
+
+    def around(row):
+        return f"{row.measured:.2f} ± {0.5 * (row.measured_high - row.measured_low):.2f}"
+
+    assert quoted("d_g, k_g") == f"{around(d_g)}, {around(k_g)}"
+    assert quoted("d_o") == around(d_o)
+    assert JUDGED_READING == "paper"
+    assert quoted(
+        "largest fragment"
+    ) == f"{rows['largest fragment 0.45 to 0.75 of the parent, its own reading'].measured:.0%}".replace(
+        "%", " %"
+    )
+    eroded = rows["erosion's share of breakups, its own reading"]
+    assert eroded.measured == 0.0 and quoted("erosion") == f"below {100 * eroded.measured_high:.2f} %"
+    alone = rows["share of isolated primaries among aggregates"]
+    low, high = 100 * alone.measured_low, 100 * alone.measured_high
+    assert quoted("isolated") == f"{100 * alone.measured:.0f} % ({low:.0f} to {high:.0f})"
+    assert quoted("σ_P") == f"{rows['σ_P/⟨P⟩, steady'].measured:.2f}"
+    growth = []
+    for stress, extra in ((750.0, ["growth-750Pa.nc"]), (875.0, []), (1000.0, [])):
+        found = compare([*groups[stress], *(runs[name] for name in extra)])
+        (row,) = [row for row in found if row.quantity.startswith("growth from")]
+        growth.append(f"{row.measured:.1f} ({row.measured_low:.1f} to {row.measured_high:.1f})")
+    assert quoted("growth accelerates") == f"{', '.join(growth)} times"
+    exponents = {
+        row.quantity.removeprefix("breakup exponent q of "): row for row in breakup_exponents(groups)
+    }
+    mean, size = exponents["⟨P⟩"], exponents["P_br, its own reading"]
+    assert quoted("breakup exponent") == f"{around(mean)}, {around(size)}"
+    at_750 = groups[750.0][0]
+    sizes = np.concatenate(
+        [at_750.population(k, rigidity=False)["size"].values for k in at_750.late_snapshots]
+    )
+    told = re.fullmatch(
+        r"([\d.]+), 95 % of them up to (\d+), none above (\d+)", quoted("mean size of the clusters")
+    )
+    assert told is not None
+    assert float(told[1]) == round(at_750.average("mean_size").mean, 1)
+    assert int(told[2]) == np.quantile(sizes, 0.95)
+    assert int(told[3]) == sizes.max()
+    (balance,) = re.findall(r"where the runs have ([\d., and]+?) \(a second", README)
+    measured = [runs[name].average("mean_size").mean for name in (
+        "run-750Pa-of-100.nc", "run-875Pa-of-100.nc", "run-1000Pa.nc", "run-1250Pa.nc", "run-1500Pa-of-100.nc")]  # fmt: skip
+    assert [float(number) for number in re.findall(r"\d+\.\d", balance)] == [
+        round(value, 1) for value in measured
+    ]
