@@ -18,14 +18,14 @@ import tomlkit
 import tomlkit.exceptions
 from pydantic import Field, PrivateAttr, ValidationError, create_model, model_validator
 
-from mcdem.effects import Effects, Resistance
+from mcdem.effects import Effects, Kernels, Resistance
 from mcdem.errors import SceneError
 from mcdem.hydrodynamics import LEVELS
-from mcdem.integrators import SCHEMES
+from mcdem.integrators import DEFAULT, SCHEMES
 from mcdem.quantities.linear_flows import Flow
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
-from mcdem.quantities.toml_tables import Key, Table, explain, keys, written
+from mcdem.quantities.toml_tables import Key, Table, choices, explain, keys, written
 from mcdem.quantities.units import (
     NonNegativeDimensionless,
     PositiveDimensionless,
@@ -49,10 +49,9 @@ class Hydrodynamics(Table):
     def _keys_of_lubrication_need_it(self) -> Self:
         stray = sorted(self.model_fields_set & {"lubrication_cutoff", "cutoff_convention"})
         if stray and not self.lubrication:
-            with_it = " or ".join(f'"{name}"' for name, level in LEVELS.items() if level.lubrication)
             raise ValueError(
                 f'level = "{self.level}" is without lubrication, so that {" and ".join(stray)} would do nothing: '
-                f"remove it, or use level = {with_it}"
+                f"remove it, or use level = {choices(LEVELS, 'lubrication')}"
             )
         return self
 
@@ -70,7 +69,7 @@ class Hydrodynamics(Table):
 class NumericsOfScene(Table):
     """How an encounter is integrated and how events are drawn."""
 
-    scheme: Literal[tuple(SCHEMES)] = "implicit"  # type: ignore[valid-type]
+    scheme: Literal[tuple(SCHEMES)] = DEFAULT  # type: ignore[valid-type]
     """"implicit": midpoint steps, contacts solved at the end of the step; "explicit_euler": the paper's, with the time step of
     Eq. 20.  The keys of each are in a table of its name."""
     start_distance: Annotated[PositiveDimensionless, Field(ge=1.0)] = 5.0
@@ -105,6 +104,11 @@ class NumericsOfScene(Table):
     def step(self) -> float:
         """Time step of the scheme: in units of 1/g, or in seconds, as its key has it."""
         return float(getattr(getattr(self, self.scheme), SCHEMES[self.scheme].step_key))
+
+    @property
+    def step_unit(self) -> str:
+        """What follows the number of `step`."""
+        return "/g" if SCHEMES[self.scheme].step_in_strain else " s"
 
     def with_step(self, step: float) -> Self:
         """The same with another time step of the scheme, unchecked."""
@@ -169,8 +173,8 @@ class Scene(Table):
             return self
         if not SCHEMES[self.numerics.scheme].stretching:
             raise ValueError(
-                f'numerics.scheme = "{self.numerics.scheme}" is one for simple shear: use "implicit" with flow.kind = '
-                f'"{self.flow.kind}"'
+                f'numerics.scheme = "{self.numerics.scheme}" is one for simple shear: use {choices(SCHEMES, "stretching")} '
+                f'with flow.kind = "{self.flow.kind}"'
             )
         if self.numerics.separation == 0.0:
             raise ValueError(
@@ -183,8 +187,8 @@ class Scene(Table):
     def _scheme_follows_torques(self) -> Self:
         if self.effects.resisting and not SCHEMES[self.numerics.scheme].torques:
             raise ValueError(
-                f'numerics.scheme = "{self.numerics.scheme}" follows no torques of contacts: use "implicit", or remove '
-                f"{' and '.join(self.effects.present(Resistance))} from [effects]"
+                f'numerics.scheme = "{self.numerics.scheme}" follows no torques of contacts: use {choices(SCHEMES, "torques")}, '
+                f"or remove {' and '.join(self.effects.present(Resistance))} from [effects]"
             )
         return self
 
@@ -209,7 +213,7 @@ class Scene(Table):
         scene._text = text
         scene._path = Path(path) if path is not None else None
         try:
-            scene.effects.kernels(scene.reduced, scene.suspension)
+            _ = scene.kernels
         except SceneError as problem:  # an effect does not hold for this suspension
             raise SceneError(f"{source}: {problem}") from None
         return scene
@@ -263,6 +267,11 @@ class Scene(Table):
         """The units of the compiled code."""
         radius, rate = self.suspension.radius, self.flow.shear_rate
         return ReducedUnits(radius, 1.0 / rate, 6.0 * math.pi * self.flow.viscosity * radius**2 * rate)
+
+    @property
+    def kernels(self) -> Kernels:
+        """The parameters of the effects in reduced units, as compiled code takes them (`effects.sums`)."""
+        return self.effects.kernels(self.reduced, self.suspension)
 
     @property
     def reduced_radii(self) -> tuple[float, ...]:

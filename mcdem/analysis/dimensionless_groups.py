@@ -117,7 +117,7 @@ def _holding(scene: Scene) -> Iterator[Finding]:
     van_der_waals, contact = effects.get("van_der_waals"), effects.contact
 
     if contact is not None:
-        adhesion = contact.kernel(scene.reduced, scene.suspension, scene.effects).pull_off_force
+        adhesion = scene.kernels.contact.pull_off_force
         cohesion = 1.0 / adhesion
         name = "cohesion number 6 pi mu a^2 g/F_adh"
         # A touching doublet is pulled apart with at most 6.12 pi mu a^2 g in simple shear, whose strain stretches at g/2.
@@ -203,7 +203,8 @@ def _barrier(scene: Scene) -> Iterator[Finding]:
         return
     import numpy as np
 
-    from mcdem.effects import non_contact_force
+    from mcdem.effects import PairForce
+    from mcdem.effects.sums import non_contact_force
 
     thickness = min(scene.suspension.species) / scene.effects.get("double_layer").debye_length
     if thickness > 20.0:
@@ -214,11 +215,10 @@ def _barrier(scene: Scene) -> Iterator[Finding]:
         yield Finding(
             "kappa a", thickness, "note", "the double layer is hardly thin against the particles (10 to 20)"
         )
-    kernels = scene.effects.kernels(scene.reduced, scene.suspension)
-    gaps = np.geomspace(1e-6, 1.0, 400)
-    barrier = max(
-        non_contact_force(h, 1.0, kernels.van_der_waals, kernels.double_layer, None)[0] for h in gaps
-    )
+    laws, walls = scene.kernels.pair_forces, scene.effects.present(PairForce).values()
+    # Without the wall that keeps spheres from contact: it is no barrier but the place where they come to rest.
+    pair_forces = tuple(law for law, table in zip(laws, walls, strict=True) if not table.keeps_apart)
+    barrier = max(non_contact_force(h, 1.0, pair_forces)[0] for h in np.geomspace(1e-6, 1.0, 400))
     name = "largest repulsion before contact over 6 pi mu a^2 g"
     if barrier < 0.01:
         yield Finding(
@@ -301,7 +301,7 @@ def _frozen_matrix(scene: Scene) -> Iterator[Finding]:
         return
     from mcdem.hydrodynamics.two_sphere.tables import SMALLEST_GAP
 
-    overlap = -contact.kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
+    overlap = -scene.kernels.contact.equilibrium_gap
     frozen = max(fluid.lubrication_cutoff, SMALLEST_GAP)
     ratio, share = frozen / overlap, doublet_share(frozen, overlap)
     name = "cut-off delta over the overlap of a contact at rest"
@@ -421,5 +421,5 @@ def contact_relaxation(scene: Scene) -> float:
         "fts": 40.0 / 21.0,  # half of X^A_11 - X^A_12 by `two_sphere.far_field` there
         "stokesian": 1.0 / (4.0 * gap),
     }
-    stiffness = contact.kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_stiffness
+    stiffness = scene.kernels.contact.equilibrium_stiffness
     return unit.time * damping[scene.hydrodynamics.level] / stiffness

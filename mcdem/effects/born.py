@@ -11,7 +11,7 @@ attraction for l0 = 0 the force vanishes at h = sigma 30^(-1/6).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from numba import njit
 
@@ -24,12 +24,16 @@ from mcdem.quantities.units import PositiveLength
 class Born(EffectTable):
     """Born repulsion, with the Hamaker constant of the van der Waals attraction."""
 
+    title: ClassVar[str] = "Born repulsion"
+
     collision_diameter: PositiveLength
     """Lennard-Jones diameter sigma of the atoms, about 0.5 nm."""
 
+    keeps_apart: ClassVar[bool] = True
+
     def refuse_company(self, effects: Companions) -> None:
         refuse_contact("born", effects)
-        if effects.get("van_der_waals") is None:
+        if effects.attraction is None:
             raise ValueError(
                 "born takes its Hamaker constant from van_der_waals: add [effects.van_der_waals]"
             )
@@ -37,7 +41,7 @@ class Born(EffectTable):
     def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> BornKernel:
         """The parameters in reduced units."""
         return BornKernel(
-            strength=effects.get("van_der_waals").hamaker_constant / (360.0 * units.energy),
+            strength=effects.attraction.hamaker_constant / (360.0 * units.energy),
             diameter=self.collision_diameter / units.length,
         )
 

@@ -26,6 +26,7 @@ from mcdem.quantities.suspension import Suspension
 class DMT(ElasticContact):
     """Adhesive elastic contacts of stiff particles, without hysteresis."""
 
+    title: ClassVar[str] = "DMT"
     friction_share: ClassVar[float] = 1.0
 
     def pull_off_force(self, radius: float) -> float:

@@ -16,7 +16,7 @@ and kappa h = 0.3, 1, 3 it is off by -0.6, -0.1, 5 % (constant potential) and by
 from __future__ import annotations
 
 from math import exp, pi
-from typing import Literal, NamedTuple, Self
+from typing import ClassVar, Literal, NamedTuple, Self
 
 from numba import njit
 from pydantic import model_validator
@@ -34,6 +34,8 @@ SMALLEST_KAPPA_A = 10.0
 
 class DoubleLayer(EffectTable):
     """Electric double-layer repulsion in the linear Poisson-Boltzmann approximation."""
+
+    title: ClassVar[str] = "double layer"
 
     surface_potential: Potential
     """Potential psi of an isolated surface (its zeta potential), at most 60 mV either way."""

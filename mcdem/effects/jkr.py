@@ -29,6 +29,7 @@ from mcdem.quantities.suspension import Suspension
 class JKR(ElasticContact):
     """Adhesive elastic contacts that bear tension up to the pull-off force."""
 
+    title: ClassVar[str] = "JKR"
     friction_share: ClassVar[float] = 2.0
     rolls: ClassVar[bool] = True
 

@@ -39,12 +39,21 @@ class Companions(Protocol):
     def contact_laws(self) -> list[str]:
         """The names of all contact laws that there are."""
 
+    @property
+    def attraction(self) -> Any:
+        """The table of the long-range attraction, an `attraction.Attraction`, or None."""
+
     def get(self, name: str) -> Any:
         """The table of an effect, or None."""
 
 
 class EffectTable(Table):
     """The keys of an effect in a scene."""
+
+    title: ClassVar[str] = ""
+    """Its name in words, as a legend has it."""
+    keeps_apart: ClassVar[bool] = False
+    """Whether it is the wall that keeps spheres from contact, in place of a contact law."""
 
     def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> Any:
         """The parameters in reduced units; raises `SceneError` where the effect does not hold for this suspension."""

@@ -17,7 +17,7 @@ E I = k_t (2a)^3/2; a twin that keeps the rods as vectors fixed in the spheres.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -31,6 +31,8 @@ from mcdem.quantities.units import PositiveLength, PositiveStiffness
 
 class Rods(EffectTable):
     """Bonds that resist sliding and rolling alike (Becker & Briesen 2008); instead of sliding and rolling."""
+
+    title: ClassVar[str] = "rods"
 
     stiffness: PositiveStiffness
     """Stiffness k_t of the spring at the tip of each rod."""

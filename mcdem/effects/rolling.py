@@ -10,7 +10,7 @@ Exact tests: the work of any motion within the limit is its elastic energy; the 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -24,6 +24,8 @@ from mcdem.quantities.units import PositiveLength
 
 class Rolling(EffectTable):
     """Rolling resistance of JKR contacts."""
+
+    title: ClassVar[str] = "rolling"
 
     critical_displacement: PositiveLength
     """Rolling displacement xi_crit at which the contact moves on, between an atom's size and the radius of the contact."""

@@ -15,7 +15,7 @@ Exact tests: the work of any motion within the limit is the energy k_T s^2/2; th
 from __future__ import annotations
 
 from math import inf
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -30,6 +30,8 @@ from mcdem.quantities.units import PositiveDimensionless
 
 class Sliding(EffectTable):
     """Friction of contacts; needs a contact law, whose material sets the stiffness."""
+
+    title: ClassVar[str] = "sliding"
 
     friction_coefficient: PositiveDimensionless
     """Largest tangential over normal force mu_f, the normal force with the adhesion added."""

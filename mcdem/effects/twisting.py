@@ -14,7 +14,7 @@ factors are the moments of uniform friction and of uniform displacement over a d
 from __future__ import annotations
 
 from math import inf
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from numba import njit
 
@@ -28,6 +28,8 @@ from mcdem.quantities.units import PositiveDimensionless
 
 class Twisting(EffectTable):
     """Twisting resistance of contacts; needs a contact law, whose material sets the stiffness."""
+
+    title: ClassVar[str] = "twisting"
 
     friction_coefficient: PositiveDimensionless
     """Largest tangential over normal stress in the contact, mu_f, as for sliding."""

@@ -13,28 +13,27 @@ retardation F (h + l0)^2 is constant; F falls as h^-3 far away.
 from __future__ import annotations
 
 from math import pi
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from numba import njit
 from pydantic import Field, model_validator
 
-from mcdem.effects.kinds import Companions, EffectTable, PairForce
+from mcdem.effects.attraction import Attraction
+from mcdem.effects.kinds import Companions, PairForce
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
-from mcdem.quantities.units import PositiveEnergy, PositiveLength
+from mcdem.quantities.units import PositiveLength
 
 # Where the two branches of the retardation function cross.  The published 0.5709 leaves a step of 2e-4 in the force;
 # here it is none beyond round-off (the slope has its kink either way).
 BRANCH_POINT = 0.5717075264733067
 
 
-class VanDerWaals(EffectTable):
+class VanDerWaals(Attraction):
     """Van der Waals attraction, retarded unless the scene says otherwise."""
 
-    hamaker_constant: PositiveEnergy
-    """Hamaker constant A_H of solid against solid through the medium."""
-    minimum_approach: PositiveLength
-    """Molecular roughness l0 that keeps the attraction finite at contact."""
+    title: ClassVar[str] = "van der Waals"
+
     retarded: bool = True
     """Whether the attraction weakens over distances comparable to the London wavelength."""
     london_wavelength: PositiveLength | None = Field(100e-9, json_schema_extra={"default": "100 nm"})
@@ -52,9 +51,9 @@ class VanDerWaals(EffectTable):
         return table | {"london_wavelength": None}
 
     @property
-    def step_length(self) -> float:
-        """l0, within which the attraction falls to a quarter."""
-        return self.minimum_approach
+    def reach(self) -> float | None:
+        """The London wavelength [m]; None without retardation."""
+        return self.london_wavelength
 
     def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> VanDerWaalsKernel:
         """The parameters in reduced units."""

@@ -113,7 +113,7 @@ def physics_of(scene: Scene) -> tuple[UndisturbedFlow, state.Physics]:
     level = LEVELS[hydrodynamics.level].build(
         hydrodynamics.lubrication_cutoff, hydrodynamics.cutoff_convention == "gap", scene.reduced_radii
     )
-    kernels = scene.effects.kernels(scene.reduced, scene.suspension)
+    kernels = scene.kernels
     centred: Literal[True] | None = None if scene.flow.kind == "simple_shear" else True
     return (
         UndisturbedFlow(gradient, strain, five, centred),

@@ -10,7 +10,7 @@ import difflib
 import math
 import types
 import typing
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -205,3 +205,8 @@ def _toml(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+def choices(menu: Mapping[str, Any], having: str) -> str:
+    """The names of a menu whose members have a property, as they are written in a scene: '"a" or "b"'."""
+    return " or ".join(f'"{name}"' for name, member in menu.items() if getattr(member, having))

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 PAPER = Path(__file__).parents[2] / "scenes" / "paper-1000Pa.toml"
 """The scene that the cases change."""
 
-Scheme = Literal["implicit", "paper"]
+Scheme = Literal["implicit", "explicit_euler"]
 
 
 class Finding(NamedTuple):
