@@ -100,10 +100,19 @@ class NumericsOfScene(Table):
     """"majorant_rejection": encounters are proposed at a rate above all pairs' and thinned (Lewis & Shedler 1979);
     "inverse_transform": the paper's Eqs. 4-6.  Equal in distribution."""
 
+    def of(self, scheme: str) -> Any:
+        """The table of keys of a scheme."""
+        return getattr(self, scheme)
+
+    @property
+    def own(self) -> Any:
+        """The table of keys of the scheme that is chosen."""
+        return self.of(self.scheme)
+
     @property
     def step(self) -> float:
         """Time step of the scheme: in units of 1/g, or in seconds, as its key has it."""
-        return float(getattr(getattr(self, self.scheme), SCHEMES[self.scheme].step_key))
+        return float(getattr(self.own, SCHEMES[self.scheme].step_key))
 
     @property
     def step_unit(self) -> str:
@@ -112,7 +121,7 @@ class NumericsOfScene(Table):
 
     def with_step(self, step: float) -> Self:
         """The same with another time step of the scheme, unchecked."""
-        keys = getattr(self, self.scheme).model_copy(update={SCHEMES[self.scheme].step_key: step})
+        keys = self.own.model_copy(update={SCHEMES[self.scheme].step_key: step})
         return self.model_copy(update={self.scheme: keys})
 
 

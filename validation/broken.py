@@ -14,9 +14,7 @@ from unittest import mock
 
 import numpy as np
 
-from mcdem.effects import EFFECTS
-
-_ATTRACTION = EFFECTS["van_der_waals"]
+from mcdem.effects.van_der_waals import VanDerWaalsKernel
 
 
 def _change_physics(change: Callable) -> contextlib.ExitStack:
@@ -100,7 +98,7 @@ def weak_attraction() -> Iterator[None]:
     def change(_, flow, physics):
         return flow, physics._replace(
             pair_forces=tuple(
-                law._replace(strength=law.strength / 3.0) if isinstance(law, _ATTRACTION.kernel) else law
+                law._replace(strength=law.strength / 3.0) if isinstance(law, VanDerWaalsKernel) else law
                 for law in physics.pair_forces
             )
         )

@@ -102,6 +102,11 @@ class EffectsOfScene(Table):
         return next((table for table in self.present().values() if isinstance(table, Attraction)), None)
 
     @property
+    def attractions(self) -> list[str]:
+        """The names of all long-range attractions that there are."""
+        return [name for name, effect in EFFECTS.items() if issubclass(effect.table, Attraction)]
+
+    @property
     def parted(self) -> bool:
         """Whether a short-range repulsion keeps spheres from contact."""
         return any(table.keeps_apart for table in self.present().values())

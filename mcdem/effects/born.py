@@ -34,9 +34,8 @@ class Born(EffectTable):
     def refuse_company(self, effects: Companions) -> None:
         refuse_contact("born", effects)
         if effects.attraction is None:
-            raise ValueError(
-                "born takes its Hamaker constant from van_der_waals: add [effects.van_der_waals]"
-            )
+            there_are = " or ".join(f"[effects.{name}]" for name in effects.attractions)
+            raise ValueError(f"born takes its Hamaker constant from an attraction: add {there_are}")
 
     def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> BornKernel:
         """The parameters in reduced units."""

@@ -40,6 +40,10 @@ class Companions(Protocol):
         """The names of all contact laws that there are."""
 
     @property
+    def attractions(self) -> list[str]:
+        """The names of all attractions that there are."""
+
+    @property
     def attraction(self) -> Any:
         """The table of the long-range attraction, an `attraction.Attraction`, or None."""
 

@@ -20,7 +20,6 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numba import njit
 
-from mcdem.effects.elastic_contact import ElasticContact
 from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_contact
 from mcdem.effects.tangential import SLIDES, STUCK, add_stiffness, cut_back, direction
 from mcdem.quantities.reduced_units import ReducedUnits
@@ -46,13 +45,8 @@ class Sliding(EffectTable):
         return SlidingKernel(
             stiffness=stiffness / units.stiffness,
             friction_coefficient=self.friction_coefficient,
-            cohesion=cohesion(contact, units.length) / units.force,
+            cohesion=contact.cohesion(units.length) / units.force,
         )
-
-
-def cohesion(contact: ElasticContact, radius: float) -> float:
-    """Force [N] by which adhesion adds to the load that friction feels: 2 F_adh (JKR) or F_adh (DMT)."""
-    return contact.friction_share * contact.pull_off_force(radius)
 
 
 class SlidingKernel(NamedTuple):

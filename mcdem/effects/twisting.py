@@ -19,7 +19,6 @@ from typing import ClassVar, NamedTuple
 from numba import njit
 
 from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_contact
-from mcdem.effects.sliding import cohesion
 from mcdem.effects.tangential import STUCK, TWISTS
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
@@ -46,7 +45,7 @@ class Twisting(EffectTable):
             stiffness=0.5 * sliding * contact_radius**2,
             lever=2.0 / 3.0 * contact_radius,
             friction_coefficient=self.friction_coefficient,
-            cohesion=cohesion(contact, units.length) / units.force,
+            cohesion=contact.cohesion(units.length) / units.force,
         )
 
 

@@ -131,7 +131,7 @@ def options_of(scene: Scene) -> NamedTuple:
     name, length = scene.numerics.scheme, scene.effects.step_length
     roughness = SMOOTH if length is None else length / scene.suspension.radius
     scales = Scales(roughness, scene.flow.shear_rate)
-    options: NamedTuple = SCHEMES[name].build(getattr(scene.numerics, name), scales)
+    options: NamedTuple = SCHEMES[name].build(scene.numerics.own, scales)
     return options
 
 

@@ -26,7 +26,7 @@ from mcdem.monte_carlo.population import surviving, unless_same
 if TYPE_CHECKING:
     from mcdem.aggregates.aggregate import Aggregate
     from mcdem.encounter.simulate import EncounterResult
-    from mcdem.monte_carlo.event_selection import Meetings, PairSelection
+    from mcdem.monte_carlo.event_selection import EventSelection, Meetings
     from mcdem.monte_carlo.population import Population
 
 DEPTH = 16
@@ -87,7 +87,7 @@ class Foresight:
         executor: Executor,
         workers: int,
         population: Population,
-        selection: PairSelection,
+        selection: EventSelection,
         alone: bool = False,
         finished: SimpleQueue[Any] | None = None,
     ) -> None:
