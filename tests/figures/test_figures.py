@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 from PIL import Image
 from small_runs import small_runs
-from test_trajectory import turning_trimer
+from trimer import turning_trimer
 from typer.testing import CliRunner
 
 from mcdem.analysis.breakup import READINGS, in_reading
