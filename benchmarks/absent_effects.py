@@ -9,7 +9,7 @@ For each direct force, contact law and resistance of contacts, with the same pri
     added    processor time that the effect adds to a step when present
     present  time of a step with the effect present, over absent
 
-The build that never had it is a copy of the package from which the effect's branch is cut wherever forces are added up; it
+The build that never had it is a copy of the package without the file of the effect and its line in the menu; it
 runs in a process of its own, and moves the primaries alike to the last bit.  The builds take turns of a few milliseconds; in
 each round every build's fastest turn counts, since what else runs on the machine can only add to it, and a pair of processes
 tells the median over its rounds.  What is told is the mean over several pairs of processes, with its standard error.  Steps
@@ -71,8 +71,8 @@ RESISTANCES = ("sliding", "rolling", "twisting", "rods")
 # Where Newton's method ends, in a: file of the package, and the line that says so.
 TO_THE_END = 1e-12
 TOLERANCES = {
-    "stepping/implicit.py": ("CONVERGED = 1e-7", f"CONVERGED = {TO_THE_END}"),
-    "stepping/moments.py": ("SETTLED = 1e-8", f"SETTLED = {TO_THE_END}"),
+    "integrators/newton.py": ("CONVERGED = 1e-7", f"CONVERGED = {TO_THE_END}"),
+    "integrators/contact_torques.py": ("SETTLED = 1e-8", f"SETTLED = {TO_THE_END}"),
 }
 TURNS, TURN = 6, 8e-3  # turns of a build in a round, and their processor time [s]
 # The field of each kernel that holds its strength.
@@ -93,12 +93,13 @@ STRENGTH = {
 def scene_of(effect: str, present: bool, scheme: str, level: str):
     """The paper's scene with or without an effect, and without what cannot stand beside it."""
     import mcdem
+    from mcdem.hydrodynamics import LEVELS
 
     table, away = EFFECTS[effect]
     changes: dict[str, object] = {f"effects.{name}": None for name in away}
     changes[f"effects.{effect}"] = dict(table) if present else None
     changes |= {"numerics.scheme": scheme, "hydrodynamics.level": level}
-    if level != "stokesian":
+    if not LEVELS[level].lubrication:
         changes["hydrodynamics.lubrication_cutoff"] = None
     return mcdem.load_scene(PAPER).with_changes(changes)
 
@@ -142,7 +143,7 @@ class Steps:
         self.flow, self.physics = encounter.physics_of(scene)
         if zeroed:
             self.physics = without_strength(self.physics, zeroed)
-        self.schemes = encounter.scheme_of(scene)
+        self.options = encounter.options_of(scene)
         self.resisting = scene.effects.resisting
         self.start, self.bonded, self.springs = primaries(contacts)
 
@@ -151,8 +152,9 @@ class Steps:
         import numpy as np
 
         from mcdem.integrators import state
-        from mcdem.integrators.implicit_midpoint import find_gaps, scratch
-        from mcdem.integrators.time_loop import march, new_watch
+        from mcdem.integrators.pairs import find_gaps
+        from mcdem.integrators.scheme import scheme_of
+        from mcdem.integrators.time_loop import Bounds, follow_steps, new_watch
 
         n = PRIMARIES
         motion = state.Motion(
@@ -165,12 +167,12 @@ class Steps:
             self.springs.copy() if self.resisting else None,
         )
         log, history, gaps = state.new_log(), state.new_history(motion), np.empty((n, n))
-        work = scratch(n, self.resisting)
+        work = scheme_of(self.options).workspace(n, self.resisting)
         find_gaps(motion.positions, motion.radii, gaps)
-        arguments = (motion, history, gaps, work, self.flow, self.physics, *self.schemes, log)
-        limits = (new_watch(log, np.inf), 0.0, np.inf, np.inf, 1e9, steps)
+        group, watch = state.Group(motion, history, gaps, work), new_watch(log, np.inf)
+        bounds = Bounds(0.0, np.inf, np.inf, 1e9, steps)
         began = time.process_time()
-        code = march(*arguments, *limits)
+        code = follow_steps(group, self.flow, self.physics, self.options, log, watch, bounds)
         spent = time.process_time() - began
         assert code == state.TOO_MANY_STEPS, code
         return motion.velocities, spent / steps, log.time[0]
@@ -178,12 +180,17 @@ class Steps:
 
 def without_strength(physics, effect: str):
     """The same physics with the strength of one effect zero."""
-    if effect in ("born", "steric"):
-        bundle = physics.short_range
-        kernel = getattr(bundle, effect)._replace(**dict.fromkeys(STRENGTH[effect].split(), 0.0))
-        return physics._replace(short_range=bundle._replace(**{effect: kernel}))
+    from mcdem import effects
+
+    kind, zeros = effects.EFFECTS[effect].kernel, dict.fromkeys(STRENGTH[effect].split(), 0.0)
+
+    def weak(law):
+        return law._replace(**zeros) if isinstance(law, kind) else law
+
     return physics._replace(
-        **{effect: getattr(physics, effect)._replace(**dict.fromkeys(STRENGTH[effect].split(), 0.0))}
+        pair_forces=tuple(map(weak, physics.pair_forces)),
+        contact=weak(physics.contact),
+        resistances=tuple(map(weak, physics.resistances)),
     )
 
 
@@ -204,12 +211,10 @@ def work(effect: str, scheme: str, level: str) -> None:
 
 
 class Cut(ast.NodeTransformer):
-    """Removes every `if EFFECT is not None:` of one effect; for a resistance, of all four, and what follows springs."""
+    """Removes every `if springs is not None:`, and what follows torques, for a build that has no resistance."""
 
-    def __init__(self, effect: str):
-        self.names, self.count = {effect}, 0
-        if effect in RESISTANCES:
-            self.names |= {*RESISTANCES, "springs", "torques"}
+    names = frozenset({"springs", "torques"})
+    count = 0
 
     def visit_If(self, node: ast.If):
         self.generic_visit(node)
@@ -226,26 +231,29 @@ class Cut(ast.NodeTransformer):
 
 
 def build_without(effect: str, folder: Path) -> Path:
-    """A copy of the package whose forces and contact laws never heard of an effect; returns its parent folder."""
+    """A copy of the package that never heard of an effect, for a resistance of any; returns its parent folder."""
     shutil.copytree(ROOT / "mcdem", folder / "mcdem", ignore=shutil.ignore_patterns("__pycache__"))
-    count = 0
-    for name in (
-        "effects/__init__.py",
-        "effects/short_range.py",
-        "stepping/implicit.py",
-        "stepping/state.py",
-    ):
-        path = folder / "mcdem" / name
-        cut = Cut(effect)
-        tree = cut.visit(ast.parse(path.read_text()))
-        for node in ast.walk(tree):
-            # What is left of a function that held nothing else.
-            if isinstance(node, ast.FunctionDef) and not node.body[bool(ast.get_docstring(node)) :]:
-                node.body.append(ast.Pass())
-        path.write_text(ast.unparse(ast.fix_missing_locations(tree)))
-        count += cut.count
-    if count == 0:
-        raise SystemExit(f"{effect}: no branch of it was found in mcdem/effects")
+    package = folder / "mcdem"
+    menu = package / "effects" / "__init__.py"
+    for name in RESISTANCES if effect in RESISTANCES else (effect,):
+        (package / "effects" / f"{name}.py").unlink()
+        source = menu.read_text()
+        if source.count(f'    "{name}",\n') != 1:
+            raise SystemExit(f"{effect}: expected a line of its own in the menu of mcdem/effects")
+        menu.write_text(source.replace(f'    "{name}",\n', ""))
+    if effect in RESISTANCES:
+        count = 0
+        for name in ("implicit_midpoint.py", "state.py"):
+            path, cut = package / "integrators" / name, Cut()
+            tree = cut.visit(ast.parse(path.read_text()))
+            for node in ast.walk(tree):
+                # What is left of a function that held nothing else.
+                if isinstance(node, ast.FunctionDef) and not node.body[bool(ast.get_docstring(node)) :]:
+                    node.body.append(ast.Pass())
+            path.write_text(ast.unparse(ast.fix_missing_locations(tree)))
+            count += cut.count
+        if count == 0:
+            raise SystemExit(f"{effect}: no branch on springs was found in mcdem/integrators")
     return folder
 
 
@@ -457,7 +465,7 @@ def main() -> None:
     parser.add_argument(
         "--keep-times", action="store_true", help="renew what effects change, not saved times"
     )
-    parser.add_argument("--scheme", choices=("paper", "implicit"), default="paper")
+    parser.add_argument("--scheme", choices=("explicit_euler", "implicit"), default="explicit_euler")
     parser.add_argument(
         "--level", choices=("free_draining", "rotne_prager", "fts", "stokesian"), default="free_draining"
     )

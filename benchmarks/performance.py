@@ -87,24 +87,19 @@ def solves(pecnut: Path | None) -> None:
 def compiled_solve(scene: mcdem.Scene, positions: np.ndarray) -> Callable[[], object]:
     """The solve of the stepping loop, without the checks at the door of `mcdem.velocities`."""
     from mcdem.encounter.simulate import physics_of
-    from mcdem.hydrodynamics.stokesian import solve_velocities, workspace
+    from mcdem.hydrodynamics.resistance import workspace
+    from mcdem.hydrodynamics.velocities import solve_velocities
 
     flow, physics = physics_of(scene)
     n = len(positions)
     arguments = (
+        physics.level,
         workspace(n),
         positions,
         np.ones(n),
-        flow.gradient,
-        flow.strain,
-        flow.strain_five,
+        flow,
         np.zeros((n, 3)),
         np.zeros((n, 3)),
-        physics.cutoff,
-        physics.shifted,
-        physics.coupled,
-        physics.stresslets,
-        physics.table,
         np.empty((n, 5)),
     )
     return lambda: solve_velocities(*arguments)
@@ -126,18 +121,7 @@ def growth() -> None:
     found: dict[str, list[tuple[int, float]]] = {"dense": [], "matrix-free": []}
     for count in GROWTH:
         positions, none = random_spheres(count, seed=count), np.zeros((count, 3))
-        arguments = (
-            positions,
-            np.ones(count),
-            flow.gradient,
-            flow.strain,
-            flow.strain_five,
-            none,
-            none,
-            physics.cutoff,
-            physics.shifted,
-            physics.table,
-        )
+        arguments = (physics.level, positions, np.ones(count), flow, none, none)
         functions: dict[str, Callable[[], object]] = {}
         if count <= LARGEST_DENSE:
             functions["dense"] = compiled_solve(scene, positions)

@@ -28,11 +28,7 @@ DOUBLINGS = (2, 3, 4, 5)
 
 def clusters(scene: mcdem.Scene, count: int) -> list[Aggregate]:
     """`count` trees of each size, their contacts at rest."""
-    rest = (
-        1.0
-        + 0.5
-        * scene.effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
-    )
+    rest = 1.0 + 0.5 * scene.kernels.contact.equilibrium_gap
     found = []
     for doublings in DOUBLINGS:
         for number in range(count):

@@ -427,8 +427,8 @@ def _classes(scene, runs, reused, shape, shapes, seed) -> KernelTable:
         "shear_stress": flow.shear_stress,
         "volume_fraction": scene.suspension.volume_fraction,
     }
-    if scene.effects.get("van_der_waals") is not None:
-        about["hamaker_constant"] = scene.effects.get("van_der_waals").hamaker_constant
+    if scene.effects.attraction is not None:
+        about["hamaker_constant"] = scene.effects.attraction.hamaker_constant
     return KernelTable.of(
         seen, scene.suspension.radius, flow.shear_rate, shapes=shapes, shape_name=shape, about=about
     ).with_records(Records.empty())

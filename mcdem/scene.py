@@ -20,16 +20,16 @@ import tomlkit.exceptions
 from pydantic import Field, PrivateAttr, ValidationError, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
-from mcdem.effects import EFFECTS, Effects, Resistance
+from mcdem.effects import EFFECTS, Effects, Kernels, Resistance
 from mcdem.errors import SceneError
 from mcdem.hydrodynamics import LEVELS
-from mcdem.integrators import SCHEMES
+from mcdem.integrators import DEFAULT, SCHEMES
 from mcdem.quantities import renamed_keys
 from mcdem.quantities.linear_flows import Flow
 from mcdem.quantities.random_streams import LARGEST_SEED
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
-from mcdem.quantities.toml_tables import Key, Table, explain, keys, quantity_at, written
+from mcdem.quantities.toml_tables import Key, Table, choices, explain, keys, quantity_at, written
 from mcdem.quantities.units import DIMENSIONLESS, IN_A_FILE, TIME, shown
 
 LARGEST_FILE = 2**16
@@ -56,10 +56,9 @@ class Hydrodynamics(Table):
     def _keys_of_lubrication_need_it(self) -> Self:
         stray = sorted(self.model_fields_set & {"lubrication_cutoff", "cutoff_convention"})
         if stray and not self.lubrication:
-            with_it = " or ".join(f'"{name}"' for name, level in LEVELS.items() if level.lubrication)
             raise ValueError(
                 f'level = "{self.level}" is without lubrication, so that {" and ".join(stray)} would do nothing: '
-                f"remove it, or use level = {with_it}"
+                f"remove it, or use level = {choices(LEVELS, 'lubrication')}"
             )
         return self
 
@@ -77,7 +76,7 @@ class Hydrodynamics(Table):
 class NumericsOfScene(Table):
     """How an encounter is integrated and how events are drawn."""
 
-    scheme: Literal[tuple(SCHEMES)] = "implicit"  # type: ignore[valid-type]
+    scheme: Literal[tuple(SCHEMES)] = DEFAULT  # type: ignore[valid-type]
     """"implicit": midpoint steps, contacts solved at the end of the step; "explicit_euler": the paper's, with the time step of
     Eq. 20.  The keys of each are in a table of its name."""
     start_distance: Annotated[float, DIMENSIONLESS.positive.between("1", "1e4", "5")] = 5.0
@@ -108,14 +107,28 @@ class NumericsOfScene(Table):
     """"majorant_rejection": encounters are proposed at a rate above all pairs' and thinned (Lewis & Shedler 1979);
     "inverse_transform": the paper's Eqs. 4-6.  Equal in distribution."""
 
+    def of(self, scheme: str) -> Any:
+        """The table of keys of a scheme."""
+        return getattr(self, scheme)
+
+    @property
+    def own(self) -> Any:
+        """The table of keys of the scheme that is chosen."""
+        return self.of(self.scheme)
+
     @property
     def step(self) -> float:
         """Time step of the scheme: in units of 1/g, or in seconds, as its key has it."""
-        return float(getattr(getattr(self, self.scheme), SCHEMES[self.scheme].step_key))
+        return float(getattr(self.own, SCHEMES[self.scheme].step_key))
+
+    @property
+    def step_unit(self) -> str:
+        """What follows the number of `step`."""
+        return "/g" if SCHEMES[self.scheme].step_in_strain else " s"
 
     def with_step(self, step: float) -> Self:
         """The same with another time step of the scheme, unchecked."""
-        keys = getattr(self, self.scheme).model_copy(update={SCHEMES[self.scheme].step_key: step})
+        keys = self.own.model_copy(update={SCHEMES[self.scheme].step_key: step})
         return self.model_copy(update={self.scheme: keys})
 
 
@@ -178,8 +191,8 @@ class Scene(Table):
             return self
         if not SCHEMES[self.numerics.scheme].stretching:
             raise ValueError(
-                f'numerics.scheme = "{self.numerics.scheme}" is one for simple shear: use "implicit" with flow.kind = '
-                f'"{self.flow.kind}"'
+                f'numerics.scheme = "{self.numerics.scheme}" is one for simple shear: use {choices(SCHEMES, "stretching")} '
+                f'with flow.kind = "{self.flow.kind}"'
             )
         if self.numerics.separation == 0.0:
             raise ValueError(
@@ -192,8 +205,8 @@ class Scene(Table):
     def _scheme_follows_torques(self) -> Self:
         if self.effects.resisting and not SCHEMES[self.numerics.scheme].torques:
             raise ValueError(
-                f'numerics.scheme = "{self.numerics.scheme}" follows no torques of contacts: use "implicit", or remove '
-                f"{' and '.join(self.effects.present(Resistance))} from [effects]"
+                f'numerics.scheme = "{self.numerics.scheme}" follows no torques of contacts: use {choices(SCHEMES, "torques")}, '
+                f"or remove {' and '.join(self.effects.present(Resistance))} from [effects]"
             )
         return self
 
@@ -334,6 +347,11 @@ class Scene(Table):
         """The units of the compiled code."""
         radius, rate = self.suspension.radius, self.flow.shear_rate
         return ReducedUnits(radius, 1.0 / rate, 6.0 * math.pi * self.flow.viscosity * radius**2 * rate)
+
+    @property
+    def kernels(self) -> Kernels:
+        """The parameters of the effects in reduced units, as compiled code takes them (`effects.sums`)."""
+        return self.effects.kernels(self.reduced, self.suspension)
 
     @property
     def reduced_radii(self) -> tuple[float, ...]:

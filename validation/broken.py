@@ -14,6 +14,8 @@ from unittest import mock
 
 import numpy as np
 
+from mcdem.effects.van_der_waals import VanDerWaalsKernel
+
 
 def _change_physics(change: Callable) -> contextlib.ExitStack:
     """Every encounter and every velocity sees (flow, physics) as `change` makes them."""
@@ -44,8 +46,9 @@ def no_lubrication() -> Iterator[None]:
     """Pairs have no two-body resistance beyond the far field."""
 
     def change(_, flow, physics):
-        table = physics.table._replace(coefficients=np.zeros_like(physics.table.coefficients))
-        return flow, physics._replace(table=table)
+        table = physics.level.lubrication
+        without = table._replace(coefficients=np.zeros_like(table.coefficients))
+        return flow, physics._replace(level=physics.level._replace(lubrication=without))
 
     with _change_physics(change):
         yield
@@ -54,7 +57,9 @@ def no_lubrication() -> Iterator[None]:
 @contextlib.contextmanager
 def delta_moved() -> Iterator[None]:
     """The lubrication cut-off is at 2e-2 whatever the scene says."""
-    with _change_physics(lambda _, flow, physics: (flow, physics._replace(cutoff=2e-2))):
+    with _change_physics(
+        lambda _, flow, physics: (flow, physics._replace(level=physics.level._replace(cutoff=2e-2)))
+    ):
         yield
 
 
@@ -65,7 +70,9 @@ def distances_long() -> Iterator[None]:
 
     intact = free_spheres.solve_velocities
     with mock.patch.object(
-        free_spheres, "solve_velocities", lambda work, positions, *rest: intact(work, 1.05 * positions, *rest)
+        free_spheres,
+        "solve_velocities",
+        lambda level, work, positions, *rest: intact(level, work, 1.05 * positions, *rest),
     ):
         yield
 
@@ -77,7 +84,9 @@ def distances_double() -> Iterator[None]:
 
     intact = free_spheres.solve_velocities
     with mock.patch.object(
-        free_spheres, "solve_velocities", lambda work, positions, *rest: intact(work, 2.0 * positions, *rest)
+        free_spheres,
+        "solve_velocities",
+        lambda level, work, positions, *rest: intact(level, work, 2.0 * positions, *rest),
     ):
         yield
 
@@ -87,9 +96,11 @@ def weak_attraction() -> Iterator[None]:
     """Van der Waals attraction is a third of what the scene says."""
 
     def change(_, flow, physics):
-        law = physics.van_der_waals
         return flow, physics._replace(
-            van_der_waals=None if law is None else law._replace(strength=law.strength / 3.0)
+            pair_forces=tuple(
+                law._replace(strength=law.strength / 3.0) if isinstance(law, VanDerWaalsKernel) else law
+                for law in physics.pair_forces
+            )
         )
 
     with _change_physics(change):
@@ -119,15 +130,13 @@ def weak_contacts() -> Iterator[None]:
     """Contacts break at 80 % of the pull-off force that the scene says."""
 
     def change(_, flow, physics):
-        law = physics.jkr
-        weaker = (
-            None
-            if law is None
-            else law._replace(
-                pull_off_force=0.8 * law.pull_off_force, equilibrium_stiffness=0.8 * law.equilibrium_stiffness
-            )
-        )
-        return flow, physics._replace(jkr=weaker)
+        law = physics.contact
+        if law is None:
+            return flow, physics
+        scaled = {
+            k: 0.8 * v for k, v in law._asdict().items() if k in ("pull_off_force", "equilibrium_stiffness")
+        }
+        return flow, physics._replace(contact=law._replace(**scaled))
 
     with _change_physics(change):
         yield
@@ -269,15 +278,11 @@ def absent_left_in() -> Iterator[None]:
     """The paper's van der Waals attraction acts in scenes that do not name it."""
 
     def change(scene, flow, physics):
-        if physics.van_der_waals is None:
-            table = {"hamaker_constant": "0.97e-20 J", "minimum_approach": "0.165 nm"}
-            named = scene.with_changes({"effects.van_der_waals": table})
-            physics = physics._replace(
-                van_der_waals=named.effects.get("van_der_waals").kernel(
-                    named.reduced, named.suspension, named.effects
-                )
-            )
-        return flow, physics
+        if scene.effects.get("van_der_waals") is not None:
+            return flow, physics
+        table = {"hamaker_constant": "0.97e-20 J", "minimum_approach": "0.165 nm"}
+        named = scene.with_changes({"effects.van_der_waals": table})
+        return flow, physics._replace(pair_forces=named.kernels.pair_forces)
 
     with _change_physics(change):
         yield

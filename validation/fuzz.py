@@ -22,6 +22,7 @@ import typer
 
 import mcdem
 from mcdem.aggregates.aggregate import Aggregate
+from mcdem.effects.sums import contact_equilibrium, contact_pull_off_gap
 from mcdem.monte_carlo import executors
 from mcdem.scene import Scene, load_scene
 from pbekit import endings
@@ -67,10 +68,8 @@ class Body:
             "ball": lambda: made.ball_centres(self.size),
         }[self.kind]()
         settled = made.settled(scene, centres, self.seed)
-        contact = scene.effects.contact
-        assert contact is not None
-        kernel = contact.kernel(scene.reduced, scene.suspension, scene.effects)
-        rest, end = kernel.equilibrium_gap, kernel.pull_off_gap
+        contact = scene.kernels.contact
+        (rest, _), end = contact_equilibrium(1.0, contact), contact_pull_off_gap(1.0, contact)
         gap = rest + self.stretch * (end - rest if self.stretch > 0.0 else -rest)
         return Aggregate(settled.positions * (2.0 + gap) / (2.0 + rest), settled.bonds)
 
@@ -150,7 +149,7 @@ def draw(rng: np.random.Generator) -> Trial:
     return Trial(
         **values,
         cutoff_convention=("matrix", "gap")[rng.integers(2)],
-        scheme="paper" if explicit else "implicit",
+        scheme="explicit_euler" if explicit else "implicit",
         first=body(),
         second=body(),
         offset=(x, y if rng.random() < 0.9 else -y),
@@ -194,12 +193,7 @@ def excused(trial: Trial, scene: Scene) -> bool:
     Explicit steps have a limit of stability; and below the cut-off the reading "matrix" lets the strain squeeze a pair by
     cutoff - h against a resistance that grows as 1/cutoff, without bound once contacts overlap by more than the cut-off.
     """
-    contact = scene.effects.contact
-    overlap = (
-        -contact.kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
-        if contact is not None
-        else 0.0
-    )
+    overlap = -contact_equilibrium(1.0, scene.kernels.contact)[0]
     return trial.scheme == "explicit_euler" or (
         trial.cutoff_convention == "matrix" and trial.cutoff < overlap
     )

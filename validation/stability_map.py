@@ -23,12 +23,12 @@ from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
 from mcdem.analysis.dimensionless_groups import contact_relaxation
-from mcdem.effects import contact_equilibrium, contact_force, contact_gap, contact_pull_off_force
+from mcdem.effects.sums import contact_equilibrium, contact_force, contact_gap, contact_pull_off_force
 from mcdem.effects.van_der_waals import VanDerWaalsKernel
 from mcdem.encounter.motion import analysed
 from mcdem.encounter.simulate import physics_of
 from mcdem.figures.style import BLACK, BLUE, GREY, ORANGE, VERMILION, canvas, look
-from mcdem.integrators import state
+from mcdem.integrators import SCHEMES, state
 from mcdem.rigid_aggregates.statics import worst_load
 from mcdem.scene import Scene, load_scene
 from validation.hard_cases import laws
@@ -93,25 +93,22 @@ class Scheme(NamedTuple):
     """A way of stepping whose step is varied."""
 
     words: str
-    changes: dict[str, object]
-    key: str
+    scheme: str
+    in_seconds: bool
+    """Whether the step is a key in seconds, not in strain."""
+    changes: dict[str, object] | None = None
 
     def at(self, scene: Scene, step: float) -> Scene:
         """The scene followed by steps of `step`, in strain."""
-        seconds = f"{step / scene.flow.shear_rate!r} s"
-        return scene.with_changes(
-            {**self.changes, f"numerics.{self.key}": seconds if self.key == "paper_base_step" else step}
-        )
+        key = f"numerics.{self.scheme}.{SCHEMES[self.scheme].step_key}"
+        given = f"{step / scene.flow.shear_rate!r} s" if self.in_seconds else step
+        return scene.with_changes({"numerics.scheme": self.scheme, **(self.changes or {}), key: given})
 
 
-SCHEMES = {
-    "euler": Scheme(
-        "explicit Euler",
-        {"numerics.scheme": "explicit_euler", "numerics.explicit_euler.close_gap": 1e-12},
-        "paper_base_step",
-    ),
-    "paper": Scheme("explicit Euler with Eq. 20", {"numerics.scheme": "explicit_euler"}, "paper_base_step"),
-    "implicit": Scheme("implicit", {"numerics.scheme": "implicit"}, "max_step"),
+WAYS = {
+    "euler": Scheme("explicit Euler", "explicit_euler", True, {"numerics.explicit_euler.close_gap": 1e-12}),
+    "paper": Scheme("explicit Euler with Eq. 20", "explicit_euler", True),
+    "implicit": Scheme("implicit", "implicit", False),
 }
 
 
@@ -120,9 +117,8 @@ SCHEMES = {
 
 def attraction(scene: Scene) -> VanDerWaalsKernel:
     """The scene's van der Waals attraction, in reduced units."""
-    law = scene.effects.get("van_der_waals")
-    assert law is not None
-    return law.kernel(scene.reduced, scene.suspension, scene.effects)
+    law: VanDerWaalsKernel = next(p for p in scene.kernels.pair_forces if isinstance(p, VanDerWaalsKernel))
+    return law
 
 
 def pair(scene: Scene, gap: float, bonded: bool) -> Start:
@@ -140,7 +136,7 @@ def gap_of(seen: Watched) -> float:
 def contact_holds(scene: Scene, step: float) -> bool:
     """A contact a hundredth of its overlap away from rest is no further away after 40 steps."""
     _, physics = physics_of(scene)
-    rest, _ = contact_equilibrium(1.0, physics.jkr, physics.dmt)
+    rest, _ = contact_equilibrium(1.0, physics.contact)
     seen = watch(scene, pair(scene, 0.99 * rest, True), 40.0 * step)
     return seen.code == state.DONE and bool(seen.bonded[0, 1]) and abs(gap_of(seen) / rest - 1.0) <= 0.0101
 
@@ -152,7 +148,7 @@ def snap_in_holds(scene: Scene, step: float) -> bool:
     """
     pull = attraction(scene)
     _, physics = physics_of(scene)
-    rest, _ = contact_equilibrium(1.0, physics.jkr, physics.dmt)
+    rest, _ = contact_equilibrium(1.0, physics.contact)
     unit = pull.minimum_approach
     # Falling from 3 l0 takes (4^3 - 1)/3 = 21 times as long as closing l0 at contact.
     fall = 42.0 * unit / (pull_at_contact(scene) * mobility(scene, 0.0))
@@ -184,9 +180,9 @@ def turning_holds(scene: Scene, step: float) -> bool:
     body, _ = analysed(still, physics)
     assert body is not None
     load = 3.0 * worst_load(body, flow.strain_five)
-    strength = contact_pull_off_force(1.0, physics.jkr, physics.dmt)
-    longest = contact_gap(-min(load, 0.999) * strength, 1.0, physics.jkr, physics.dmt)
-    shortest = contact_gap(load * strength, 1.0, physics.jkr, physics.dmt)
+    strength = contact_pull_off_force(1.0, physics.contact)
+    longest = contact_gap(-min(load, 0.999) * strength, 1.0, physics.contact)
+    shortest = contact_gap(load * strength, 1.0, physics.contact)
     seen = watch(scene, start, max(min(2.0, 400.0 * step), 20.0 * step))
     sound = seen.code == state.DONE and seen.finite and seen.changes == 0
     return sound and seen.kept_to <= longest and seen.deepest >= shortest
@@ -210,9 +206,9 @@ def predicted_contact(scene: Scene, load: float = 0.0) -> float:
     load : compression of the contact over its pull-off force
     """
     _, physics = physics_of(scene)
-    strength = contact_pull_off_force(1.0, physics.jkr, physics.dmt)
-    gap = contact_gap(load * strength, 1.0, physics.jkr, physics.dmt)
-    _, slope = contact_force(gap, 1.0, physics.jkr, physics.dmt)
+    strength = contact_pull_off_force(1.0, physics.contact)
+    gap = contact_gap(load * strength, 1.0, physics.contact)
+    _, slope = contact_force(gap, 1.0, physics.contact)
     return 2.0 / (-slope * mobility(scene, gap))
 
 
@@ -239,7 +235,7 @@ def predicted_turning(scene: Scene) -> float:
     positions = start.positions / scene.suspension.radius
     n = len(positions)
     _, physics = physics_of(scene)
-    _, stiffness = contact_equilibrium(1.0, physics.jkr, physics.dmt)
+    _, stiffness = contact_equilibrium(1.0, physics.contact)
     springs: NDArray[np.floating] = np.zeros((3 * n, 3 * n))
     for i, j in np.argwhere(np.triu(start.bonded)):
         apart = positions[i] - positions[j]
@@ -296,7 +292,7 @@ def measure_point(motion: str, sweep: str, value: float, base: Scene | None = No
     rows = []
     for name in what.schemes:
 
-        def holds(step: float, scheme: Scheme = SCHEMES[name]) -> bool:
+        def holds(step: float, scheme: Scheme = WAYS[name]) -> bool:
             return what.holds(scheme.at(scene, step), step)
 
         step, fails = largest_step(holds, SHORTEST * limit, max(LONGEST, 2.0 * limit))
@@ -387,7 +383,7 @@ def draw(rows: Sequence[Row]) -> Canvas:
                 fails = np.array([row["longer_fails"] for row in found])
                 axes.loglog(values, steps, marker, ms=size, color=colour, mfc="none")
                 axes.loglog(values[fails], steps[fails], marker, ms=size, color=colour)
-                handles[SCHEMES[scheme].words] = axes.plot([], [], marker, ms=size, color=colour)[0]
+                handles[WAYS[scheme].words] = axes.plot([], [], marker, ms=size, color=colour)[0]
             handles["$dt_b$ of Table 1"] = axes.axhline(PAPERS_STEP, color=GREY, lw=0.8, ls="--")
         line[0].set_ylabel(f"largest step [s]\n{motion.words}")
     for axes, sweep in zip(panels[-1], SWEEPS.values(), strict=True):

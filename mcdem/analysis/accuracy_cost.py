@@ -30,9 +30,12 @@ from mcdem.analysis.dataset import Run
 from mcdem.encounter.capture_efficiency import Capture, fejer
 from mcdem.encounter.simulate import OUTCOMES, physics_of, simulate_encounter
 from mcdem.errors import UserError
+from mcdem.hydrodynamics import LEVELS
+from mcdem.integrators import SCHEMES
 from mcdem.monte_carlo import executors
 from mcdem.netcdf.whole_files import FILES
 from mcdem.quantities.random_streams import stream
+from mcdem.quantities.toml_tables import choices
 from mcdem.scene import Scene
 
 REFERENCE = "reference"
@@ -56,21 +59,23 @@ class Setting:
 def level_changes(level: str) -> dict[str, Any]:
     """Keys that bring a scene to a level of hydrodynamics; those of lubrication go where there is none."""
     changes: dict[str, Any] = {"hydrodynamics.level": level}
-    if level != "stokesian":
+    if not LEVELS[level].lubrication:
         changes |= {"hydrodynamics.lubrication_cutoff": None, "hydrodynamics.cutoff_convention": None}
     return changes
 
 
 def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
     """The reference, the scene as given, and every knob turned alone and together."""
-    if scene.numerics.scheme != "implicit":
+    if not SCHEMES[scene.numerics.scheme].shortcuts:
         raise UserError(
-            f'{scene.name}: [numerics] scheme = "{scene.numerics.scheme}"; mcdem cost weighs the knobs of "implicit", '
-            "and takes its own reference"
+            f'{scene.name}: [numerics] scheme = "{scene.numerics.scheme}"; mcdem cost weighs the knobs of '
+            f"{choices(SCHEMES, 'shortcuts')}, and takes its own reference"
         )
     n = scene.numerics
+    own, table = n.own, f"numerics.{n.scheme}"
+    step_key, step = SCHEMES[n.scheme].step_key, n.step
     exact = {
-        "numerics.implicit.far_field_tolerance": 0.0,
+        f"{table}.far_field_tolerance": 0.0,
         "numerics.far_approach": 0.0,
         "numerics.sure_miss": 0.0,
         "numerics.separation": 0.0,
@@ -78,28 +83,27 @@ def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
         "numerics.end_stable": False,
     }
     found = [
-        Setting(REFERENCE, "reference", {**exact, "numerics.implicit.max_step": 0.25 * n.max_step}),
+        Setting(REFERENCE, "reference", {**exact, f"{table}.{step_key}": 0.25 * step}),
         Setting(GIVEN, "as given"),
         Setting("all shortcuts off", "shortcuts", exact),
     ]
 
     def turn(knob: str, values: Iterable[Any]) -> None:
-        now = getattr(n, knob)
-        found.extend(
-            Setting(f"{knob} = {value:g}", knob, {f"numerics.{knob}": value})
-            for value in values
-            if value != now
+        of_scheme = hasattr(own, knob)
+        now, key = (
+            (getattr(own, knob), f"{table}.{knob}") if of_scheme else (getattr(n, knob), f"numerics.{knob}")
         )
+        found.extend(Setting(f"{knob} = {value:g}", knob, {key: value}) for value in values if value != now)
 
-    turn("max_step", [n.max_step * f for f in ((0.5, 2.0) if quick else (0.25, 0.5, 1.5, 2.0))])
-    turn("far_field_lag", (0.0, 0.6) if quick else (0.0, 0.1, 0.2, 0.5, 0.8))
+    turn(step_key, [step * f for f in ((0.5, 2.0) if quick else (0.25, 0.5, 1.5, 2.0))])
+    turn("far_field_tolerance", (0.0, 0.6) if quick else (0.0, 0.1, 0.2, 0.5, 0.8))
     turn("far_approach", (0.0,) if quick else (0.0, 1.2, 1.5, 2.0, 3.0))
     turn("sure_miss", (0.0,) if quick else (0.0, 0.25, 1.0))
     turn("separation", (0.0,) if quick else (0.0, 1.2, 1.5, 2.0, 3.0))
     turn("rotations", (2.0,) if quick else (1.0, 2.0, 4.0, 16.0))
     turn("start_distance", () if quick else (2.5, 5.0, 10.0))
     found.append(Setting("rigid rotation off", "rigid_rotation", {"numerics.rigid_rotation": False}))
-    found.append(Setting("inert ends off", "end_inert", {"numerics.end_stable": False}))
+    found.append(Setting("stable ends off", "end_stable", {"numerics.end_stable": False}))
     if not quick and scene.hydrodynamics.lubrication:
         delta = scene.hydrodynamics.lubrication_cutoff
         found.extend(
@@ -110,10 +114,10 @@ def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
     if not quick:
         found.extend(
             Setting(f"level = {level}", "level", level_changes(level))
-            for level in ("free_draining", "rotne_prager", "fts")
+            for level in LEVELS
             if level != scene.hydrodynamics.level
         )
-    coarse = {"numerics.implicit.max_step": 2.0 * n.max_step, "numerics.implicit.far_field_tolerance": 0.6}
+    coarse = {f"{table}.{step_key}": 2.0 * step, f"{table}.far_field_tolerance": 0.6}
     found.append(Setting("coarse", "together", coarse))
     if not quick:
         found.append(Setting("coarse, 2 rotations", "together", {**coarse, "numerics.rotations": 2.0}))

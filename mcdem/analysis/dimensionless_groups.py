@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from mcdem.monte_carlo.expected_output import LARGE, MANY_SNAPSHOTS, VERY_LARGE, output_of
 from mcdem.quantities.linear_flows import gradient
@@ -115,12 +115,13 @@ def _left_out(scene: Scene) -> Iterator[Finding]:
 
 def _holding(scene: Scene) -> Iterator[Finding]:
     """What holds aggregates together, and whether its parameters agree."""
+    from mcdem.effects import EFFECTS, ContactLaw
+
     effects, unit = scene.effects, scene.reduced
-    van_der_waals, contact = effects.get("van_der_waals"), effects.contact
+    van_der_waals, contact = effects.attraction, effects.contact
 
     if contact is not None:
-        adhesion = contact.kernel(scene.reduced, scene.suspension, scene.effects).pull_off_force
-        cohesion = 1.0 / adhesion
+        cohesion = unit.force / contact.pull_off_force(unit.length)
         name = "cohesion number 6 pi mu a^2 g/F_adh"
         # A touching doublet is pulled apart with at most 6.12 pi mu a^2 g in simple shear, whose strain stretches at g/2.
         doublet = 6.12 / 6.0 * cohesion * 2.0 * stretching(scene)
@@ -133,9 +134,10 @@ def _holding(scene: Scene) -> Iterator[Finding]:
         else:
             words = f"doublets feel {doublet:.2g} F_adh: only large aggregates break, and they will be costly to follow"
             yield Finding(name, cohesion, "note", words)
-    elif effects.get("born") is None and effects.get("steric") is None:
+    elif not effects.parted:
         words = (
-            "attraction and no law of contact: add [effects.jkr], or nothing stops the primaries where they meet"
+            f"attraction and no law of contact: add [effects.{effects.contact_laws[0]}], or nothing stops the primaries "
+            "where they meet"
             if van_der_waals is not None
             else "neither attraction nor contacts: nothing sticks, every encounter is a miss"
         )
@@ -143,8 +145,7 @@ def _holding(scene: Scene) -> Iterator[Finding]:
 
     if contact is not None and van_der_waals is not None:
         work = 2.0 * contact.surface_energy
-        implied = van_der_waals.hamaker_constant / (12.0 * math.pi * van_der_waals.minimum_approach**2)
-        ratio = work / implied
+        ratio = work / van_der_waals.work_of_adhesion()
         name = "work of adhesion over A_H/(12 pi l0^2)"
         if 0.5 < ratio < 2.0:
             yield Finding(
@@ -166,27 +167,20 @@ def _holding(scene: Scene) -> Iterator[Finding]:
             reach,
         )
         name = "Tabor number"
-        soft, hard = tabor > 5.0, tabor < 0.1
-        if soft or hard:
-            right = "JKR" if soft else "DMT"
-            chosen = "JKR" if contact is effects.get("jkr") else "DMT"
-            bound = "above 5" if soft else "below 0.1"
-            verdict: Verdict = "fine" if chosen == right else "warning"
-            words = f"{right} contacts are right ({bound})" + (
-                "" if chosen == right else f", the scene has {chosen}"
-            )
-            yield Finding(name, tabor, verdict, words)
+        laws: list[Any] = [law.table for law in EFFECTS.values() if isinstance(law, ContactLaw)]
+        right = next((law for law in laws if law.tabor_numbers[0] < tabor < law.tabor_numbers[1]), None)
+        if right is not None:
+            fits = isinstance(contact, right)
+            words = f"{right.title} contacts are right ({right.tabor_range()})"
+            words += "" if fits else f", the scene has {contact.title}"
+            yield Finding(name, tabor, "fine" if fits else "warning", words)
         else:
-            words = "between JKR (above 5) and DMT (below 0.1), whose pull-off forces differ by a third"
+            told = " and ".join(f"{law.title} ({law.tabor_range()})" for law in laws)
+            words = f"between {told}, whose pull-off forces differ by a third"
             yield Finding(name, tabor, "note", words)
 
     if van_der_waals is not None:
-        attraction = (
-            van_der_waals.hamaker_constant
-            * scene.suspension.radius
-            / (12.0 * van_der_waals.minimum_approach**2)
-        )
-        ratio = attraction / unit.force
+        ratio = van_der_waals.at_contact(scene.suspension.radius) / unit.force
         name = "van der Waals force at contact over 6 pi mu a^2 g"
         if ratio < 0.01:
             yield Finding(
@@ -205,7 +199,8 @@ def _barrier(scene: Scene) -> Iterator[Finding]:
         return
     import numpy as np
 
-    from mcdem.effects import non_contact_force
+    from mcdem.effects import PairForce
+    from mcdem.effects.sums import non_contact_force
 
     thickness = min(scene.suspension.species) / scene.effects.get("double_layer").debye_length
     if thickness > 20.0:
@@ -216,11 +211,10 @@ def _barrier(scene: Scene) -> Iterator[Finding]:
         yield Finding(
             "kappa a", thickness, "note", "the double layer is hardly thin against the particles (10 to 20)"
         )
-    kernels = scene.effects.kernels(scene.reduced, scene.suspension)
-    gaps = np.geomspace(1e-6, 1.0, 400)
-    barrier = max(
-        non_contact_force(h, 1.0, kernels.van_der_waals, kernels.double_layer, None)[0] for h in gaps
-    )
+    laws, walls = scene.kernels.pair_forces, scene.effects.present(PairForce).values()
+    # Without the wall that keeps spheres from contact: it is no barrier but the place where they come to rest.
+    pair_forces = tuple(law for law, table in zip(laws, walls, strict=True) if not table.keeps_apart)
+    barrier = max(non_contact_force(h, 1.0, pair_forces)[0] for h in np.geomspace(1e-6, 1.0, 400))
     name = "largest repulsion before contact over 6 pi mu a^2 g"
     if barrier < 0.01:
         yield Finding(
@@ -237,12 +231,10 @@ def _barrier(scene: Scene) -> Iterator[Finding]:
 def _capture(scene: Scene) -> Iterator[Finding]:
     """Where captures of primaries are decided, and what of the fluid's model is felt there."""
     a, cutoff = scene.suspension.radius, scene.hydrodynamics.lubrication_cutoff
-    van_der_waals = scene.effects.get("van_der_waals")
+    van_der_waals = scene.effects.attraction
     if van_der_waals is None:
         return
-    attraction = van_der_waals.hamaker_constant / (
-        36.0 * math.pi * scene.flow.viscosity * scene.flow.shear_rate * a**3
-    )
+    attraction = van_der_waals.number(scene.flow.shear_stress, a)
     name = "attraction number C_A = A_H/(36 pi mu g a^3)"
     if scene.flow.kind != "simple_shear" or scene.suspension.radii is not None:
         words = "laws of eta_11 are of equal primaries in simple shear: count drawn encounters"
@@ -274,7 +266,7 @@ def _capture(scene: Scene) -> Iterator[Finding]:
             "fine",
             "captures are decided outside the cut-off: eta_11 hardly depends on delta",
         )
-    wavelength = van_der_waals.london_wavelength
+    wavelength = van_der_waals.reach
     if wavelength is not None:
         retardation = 2.0 * math.pi * (gap * a + van_der_waals.minimum_approach) / wavelength
         name = "retardation 2 pi (h + l0)/lambda at that gap"
@@ -301,9 +293,10 @@ def _frozen_matrix(scene: Scene) -> Iterator[Finding]:
     contact, fluid = scene.effects.contact, scene.hydrodynamics
     if contact is None or not fluid.lubrication or fluid.cutoff_convention != "matrix":
         return
+    from mcdem.effects.sums import contact_equilibrium
     from mcdem.hydrodynamics.two_sphere.tables import SMALLEST_GAP
 
-    overlap = -contact.kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
+    overlap = -contact_equilibrium(1.0, scene.kernels.contact)[0]
     frozen = max(fluid.lubrication_cutoff, SMALLEST_GAP)
     ratio, share = frozen / overlap, doublet_share(frozen, overlap)
     name = "cut-off delta over the overlap of a contact at rest"
@@ -360,15 +353,17 @@ def _output(scene: Scene) -> Iterator[Finding]:
 
 def _numerics(scene: Scene) -> Iterator[Finding]:
     """Steps against the fastest motion, that of a contact."""
+    from mcdem.integrators import SCHEMES
+
     numerics = scene.numerics
     if scene.effects.contact is not None:
         relaxation = contact_relaxation(scene)
-        base = numerics.explicit_euler.base_step
+        base = numerics.of("explicit_euler").base_step
         ratio = base / relaxation
         name = "paper's step dt_b over a contact's relaxation time"
         told = f"{relaxation:.2g} s; explicit steps are unstable above 2, near 1 under compression"
         used = numerics.scheme == "explicit_euler"
-        other = "" if used else "; the implicit scheme of this scene has no such limit"
+        other = "" if used else "; the scheme of this scene has no such limit"
         if ratio < 0.3:
             yield Finding(name, ratio, "fine", f"dt_b resolves the contacts ({told}){other}")
         elif ratio < 2.0:
@@ -376,8 +371,8 @@ def _numerics(scene: Scene) -> Iterator[Finding]:
         else:
             words = f"dt_b is past the limit of explicit steps ({told}){other}"
             yield Finding(name, ratio, "warning" if used else "note", words)
-    if numerics.scheme == "implicit":
-        step = numerics.implicit.max_step
+    if SCHEMES[numerics.scheme].step_in_strain:
+        step = numerics.step
         name = "longest step, in strain"
         if step <= 0.1:
             yield Finding(name, step, "fine", "turning aggregates are resolved (up to 0.1)")
@@ -426,14 +421,11 @@ def contact_relaxation(scene: Scene) -> float:
     """
     contact, unit = scene.effects.contact, scene.reduced
     assert contact is not None
-    van_der_waals = scene.effects.get("van_der_waals")
+    from mcdem.effects.sums import contact_equilibrium
+    from mcdem.hydrodynamics import LEVELS
+
+    van_der_waals = scene.effects.attraction
     roughness = van_der_waals.minimum_approach / unit.length if van_der_waals is not None else 3e-4
     gap = scene.hydrodynamics.lubrication_cutoff or roughness
-    damping = {
-        "free_draining": 1.0 / 2.0,
-        "rotne_prager": 4.0 / 3.0,  # 1/(2 (1 - 5/8)) by the couplings of `far_field` at r = 2a
-        "fts": 40.0 / 21.0,  # half of X^A_11 - X^A_12 by `two_sphere.far_field` there
-        "stokesian": 1.0 / (4.0 * gap),
-    }
-    stiffness = contact.kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_stiffness
-    return unit.time * damping[scene.hydrodynamics.level] / stiffness
+    _, stiffness = contact_equilibrium(1.0, scene.kernels.contact)
+    return float(unit.time * LEVELS[scene.hydrodynamics.level].squeeze(gap) / stiffness)

@@ -11,7 +11,7 @@ from mcdem.errors import UserError
 
 
 def describe(
-    table: Annotated[str | None, typer.Argument(help="Only this table, such as effects.jkr.")] = None,
+    table: Annotated[str | None, typer.Argument(help="Only this table, such as flow.")] = None,
 ) -> None:
     """List the keys of a scene file: what to write, the default and the meaning of each."""
     from rich.console import Console

@@ -103,7 +103,7 @@ def against_steps(scene: Scene, progress: Callable[[str, float], None]):
     from mcdem.encounter.capture_efficiency import critical_offset, pair_efficiency
 
     table = Table("step", "eta_11", "change", "y_c(0)/a", "change", title="against the step")
-    paper, step = scene.numerics.scheme == "explicit_euler", scene.numerics.step
+    step = scene.numerics.step
     before: tuple[float, float] | None = None
     for factor in STEPS:
         numerics = scene.numerics.with_step(factor * step)
@@ -113,8 +113,13 @@ def against_steps(scene: Scene, progress: Callable[[str, float], None]):
             critical_offset(changed, 0.0) / scene.suspension.radius,
         )
         changes = [f"{new / old - 1.0:+.2%}" for new, old in zip(row, before)] if before else ["", ""]
-        unit = " s" if paper else "/g"
-        table.add_row(f"{factor * step:g}{unit}", f"{row[0]:.5f}", changes[0], f"{row[1]:.5f}", changes[1])
+        table.add_row(
+            f"{factor * step:g}{scene.numerics.step_unit}",
+            f"{row[0]:.5f}",
+            changes[0],
+            f"{row[1]:.5f}",
+            changes[1],
+        )
         before = row
     return table
 
@@ -124,11 +129,13 @@ def against_cutoff(scene: Scene, cutoffs: list[float], progress: Callable[[str, 
     from rich.table import Table
 
     from mcdem.encounter.capture_efficiency import pair_efficiency, van_de_ven_mason
+    from mcdem.hydrodynamics import LEVELS
+    from mcdem.quantities.toml_tables import choices
 
     if not scene.hydrodynamics.lubrication:
         raise UserError(
             f'{scene.name}: [hydrodynamics] level = "{scene.hydrodynamics.level}" has no lubrication to cut off; '
-            'use level = "stokesian", or leave out the cut-offs'
+            f"use level = {choices(LEVELS, 'lubrication')}, or leave out the cut-offs"
         )
     law = van_de_ven_mason(scene)
     table = Table(

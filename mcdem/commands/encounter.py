@@ -161,25 +161,15 @@ def aggregate_of(scene: Scene, option: str, given: str) -> Aggregate:
     import numpy as np
 
     from mcdem.aggregates.aggregate import Aggregate
+    from mcdem.effects.sums import contact_equilibrium
 
     radius = scene.suspension.radius
     if given.isdecimal():
         if len(given) > 4 or not 1 <= int(given) <= 1000:
             raise UserError(f"{option} {shown(given)[1:-1]}: expected 1 to 1000 primaries")
         scene.require_one_radius(f"for {option} {given} of several, give a file with rows x y z radius")
-        jkr = scene.effects.get("jkr")
-        spacing = (
-            2.0
-            * radius
-            * (
-                1.0
-                + (
-                    0.5 * jkr.kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
-                    if jkr is not None
-                    else 0.0
-                )
-            )
-        )
+        rest, _ = contact_equilibrium(1.0, scene.kernels.contact)
+        spacing = 2.0 * radius * (1.0 + 0.5 * rest)
         return Aggregate.from_positions(scene, np.arange(int(given))[:, None] * [[0.0, 0.0, spacing]])
     try:
         rows = np.loadtxt(Path(given), ndmin=2)
@@ -231,8 +221,8 @@ def _time(seconds: float, rate: float) -> str:
 
 
 def _tension(scene: Scene, tension: float) -> str:
-    jkr = scene.effects.get("jkr")
-    if tension <= 0.0 or jkr is None:
+    contact = scene.effects.contact
+    if tension <= 0.0 or contact is None:
         return "none" if tension <= 0.0 else f"{tension:.3g} N"
-    pull_off = jkr.kernel(scene.reduced, scene.suspension, scene.effects).pull_off_force * scene.reduced.force
+    pull_off = contact.pull_off_force(scene.suspension.radius)
     return f"{tension:.3g} N ({tension / pull_off:.2f} of pull-off)"

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from pydantic import create_model, model_validator
 
+from mcdem.effects.attraction import Attraction
 from mcdem.effects.kinds import ContactLaw, Effect, EffectTable, PairForce, Resistance
 from mcdem.effects.sums import know
 from mcdem.errors import UserError
@@ -92,8 +93,23 @@ class EffectsOfScene(Table):
 
     @property
     def contact_laws(self) -> list[str]:
-        """The names of all laws of a contact."""
+        """The names of all laws of a contact that there are."""
         return [name for name, effect in EFFECTS.items() if isinstance(effect, ContactLaw)]
+
+    @property
+    def attraction(self) -> Any:
+        """The table of the long-range attraction, or None."""
+        return next((table for table in self.present().values() if isinstance(table, Attraction)), None)
+
+    @property
+    def attractions(self) -> list[str]:
+        """The names of all long-range attractions that there are."""
+        return [name for name, effect in EFFECTS.items() if issubclass(effect.table, Attraction)]
+
+    @property
+    def parted(self) -> bool:
+        """Whether a short-range repulsion keeps spheres from contact."""
+        return any(table.keeps_apart for table in self.present().values())
 
     @property
     def resisting(self) -> bool:

@@ -24,22 +24,25 @@ from mcdem.quantities.units import LENGTH
 class Born(EffectTable):
     """Born repulsion, with the Hamaker constant of the van der Waals attraction."""
 
+    title: ClassVar[str] = "Born repulsion"
+
     below_radius: ClassVar[tuple[str, ...]] = ("collision_diameter",)
 
     collision_diameter: Annotated[float, LENGTH.positive.between("1 pm", "1 um", '"0.5 nm"')]
     """Lennard-Jones diameter sigma of the atoms, about 0.5 nm."""
 
+    keeps_apart: ClassVar[bool] = True
+
     def refuse_company(self, effects: Companions) -> None:
         refuse_contact("born", effects)
-        if effects.get("van_der_waals") is None:
-            raise ValueError(
-                "born takes its Hamaker constant from van_der_waals: add [effects.van_der_waals]"
-            )
+        if effects.attraction is None:
+            there_are = " or ".join(f"[effects.{name}]" for name in effects.attractions)
+            raise ValueError(f"born takes its Hamaker constant from an attraction: add {there_are}")
 
     def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> BornKernel:
         """The parameters in reduced units."""
         return BornKernel(
-            strength=effects.get("van_der_waals").hamaker_constant / (360.0 * units.energy),
+            strength=effects.attraction.hamaker_constant / (360.0 * units.energy),
             diameter=self.collision_diameter / units.length,
         )
 

@@ -26,7 +26,9 @@ from mcdem.quantities.suspension import Suspension
 class DMT(ElasticContact):
     """Adhesive elastic contacts of stiff particles, without hysteresis."""
 
+    title: ClassVar[str] = "DMT"
     friction_share: ClassVar[float] = 1.0
+    tabor_numbers: ClassVar[tuple[float, float]] = (0.0, 0.1)
 
     def pull_off_force(self, radius: float) -> float:
         """F_adh [N] of two spheres of `radius` [m]."""

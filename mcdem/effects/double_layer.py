@@ -41,6 +41,8 @@ _POTENTIAL = POTENTIAL.between("-1 V", "1 V")
 class DoubleLayer(EffectTable):
     """Electric double-layer repulsion in the linear Poisson-Boltzmann approximation."""
 
+    title: ClassVar[str] = "double layer"
+
     instead_of_each_other: ClassVar[tuple[tuple[frozenset[str], ...], ...]] = (
         (frozenset({"debye_length"}), frozenset({"salt_concentration", "temperature"})),
         (frozenset({"surface_potential"}), frozenset({"zeta_potential"})),

@@ -44,6 +44,8 @@ class ElasticContact(EffectTable):
 
     friction_share: ClassVar[float]
     """Adhesion that friction feels beside the load, over the pull-off force."""
+    tabor_numbers: ClassVar[tuple[float, float]]
+    """The Tabor numbers for which it holds."""
     rolls: ClassVar[bool] = False
     """Whether the contact lags behind spheres that roll over it (Dominik & Tielens 1995)."""
 
@@ -69,6 +71,16 @@ class ElasticContact(EffectTable):
                 f"= {self.elastic_modulus:g} Pa make a contact of {ratio:.3g} times the radius of the primaries, expected less "
                 f"than {LARGEST_CONTACT:g}: a smaller surface energy or a larger modulus"
             )
+
+    def cohesion(self, radius: float) -> float:
+        """Force [N] by which adhesion adds to the load that friction feels."""
+        return self.friction_share * self.pull_off_force(radius)
+
+    @classmethod
+    def tabor_range(cls) -> str:
+        """The range of its Tabor number, in words."""
+        low, high = cls.tabor_numbers
+        return f"above {low:g}" if low > 0.0 else f"below {high:g}"
 
     @property
     def reduced_modulus(self) -> float:

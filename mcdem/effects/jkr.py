@@ -15,7 +15,7 @@ Exact tests: Eq. 13 read backwards; the numbers of the paper's spheres (F_adh = 
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from math import inf, pi, sqrt
 from typing import ClassVar, NamedTuple
 
 from numba import njit
@@ -29,7 +29,9 @@ from mcdem.quantities.suspension import Suspension
 class JKR(ElasticContact):
     """Adhesive elastic contacts that bear tension up to the pull-off force."""
 
+    title: ClassVar[str] = "JKR"
     friction_share: ClassVar[float] = 2.0
+    tabor_numbers: ClassVar[tuple[float, float]] = (5.0, inf)
     rolls: ClassVar[bool] = True
 
     def pull_off_force(self, radius: float) -> float:

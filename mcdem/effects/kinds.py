@@ -39,6 +39,14 @@ class Companions(Protocol):
     def contact_laws(self) -> list[str]:
         """The names of all contact laws that there are."""
 
+    @property
+    def attractions(self) -> list[str]:
+        """The names of all attractions that there are."""
+
+    @property
+    def attraction(self) -> Any:
+        """The table of the long-range attraction, an `attraction.Attraction`, or None."""
+
     def get(self, name: str) -> Any:
         """The table of an effect, or None."""
 
@@ -55,6 +63,11 @@ class EffectTable(Table):
     def offers(cls, tables: list[dict[str, Any]]) -> dict[str, str]:
         """What may stand for a key of this one that is missing, in words, from the effects `tables` of the scene."""
         return {}
+
+    title: ClassVar[str] = ""
+    """Its name in words, as a legend has it."""
+    keeps_apart: ClassVar[bool] = False
+    """Whether it is the wall that keeps spheres from contact, in place of a contact law."""
 
     def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> Any:
         """The parameters in reduced units; raises `SceneError` where the effect does not hold for this suspension."""

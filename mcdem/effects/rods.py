@@ -32,6 +32,8 @@ from mcdem.quantities.units import LENGTH, STIFFNESS
 class Rods(EffectTable):
     """Bonds that resist sliding and rolling alike (Becker & Briesen 2008); instead of sliding and rolling."""
 
+    title: ClassVar[str] = "rods"
+
     below_radius: ClassVar[tuple[str, ...]] = ("largest_displacement",)
 
     stiffness: Annotated[float, STIFFNESS.positive.between("1e-12 N/m", "1e6 N/m", '"10 mN/m"')]

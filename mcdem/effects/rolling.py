@@ -25,6 +25,8 @@ from mcdem.quantities.units import LENGTH
 class Rolling(EffectTable):
     """Rolling resistance of JKR contacts."""
 
+    title: ClassVar[str] = "rolling"
+
     below_radius: ClassVar[tuple[str, ...]] = ("critical_displacement",)
 
     critical_displacement: Annotated[float, LENGTH.positive.between("1e-15 m", "1 mm", '"0.5 nm"')]

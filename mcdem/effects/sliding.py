@@ -15,12 +15,11 @@ Exact tests: the work of any motion within the limit is the energy k_T s^2/2; th
 from __future__ import annotations
 
 from math import inf
-from typing import Annotated, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numba import njit
 
-from mcdem.effects.elastic_contact import ElasticContact
 from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_contact
 from mcdem.effects.tangential import SLIDES, STUCK, add_stiffness, cut_back, direction
 from mcdem.quantities.reduced_units import ReducedUnits
@@ -30,6 +29,8 @@ from mcdem.quantities.units import DIMENSIONLESS
 
 class Sliding(EffectTable):
     """Friction of contacts; needs a contact law, whose material sets the stiffness."""
+
+    title: ClassVar[str] = "sliding"
 
     friction_coefficient: Annotated[float, DIMENSIONLESS.positive.between("1e-9", "1e6", "0.3")]
     """Largest tangential over normal force mu_f, the normal force with the adhesion added."""
@@ -44,13 +45,8 @@ class Sliding(EffectTable):
         return SlidingKernel(
             stiffness=stiffness / units.stiffness,
             friction_coefficient=self.friction_coefficient,
-            cohesion=cohesion(contact, units.length) / units.force,
+            cohesion=contact.cohesion(units.length) / units.force,
         )
-
-
-def cohesion(contact: ElasticContact, radius: float) -> float:
-    """Force [N] by which adhesion adds to the load that friction feels: 2 F_adh (JKR) or F_adh (DMT)."""
-    return contact.friction_share * contact.pull_off_force(radius)
 
 
 class SlidingKernel(NamedTuple):

@@ -11,7 +11,7 @@ Exact tests: -dF/dh is pi a_eff P; force and slope vanish where the brushes part
 from __future__ import annotations
 
 from math import pi, sqrt
-from typing import Annotated, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 from numba import njit
 
@@ -26,12 +26,16 @@ BOLTZMANN = 1.380649e-23  # [J/K]
 class Steric(EffectTable):
     """Steric repulsion of polymer brushes in a good solvent (Alexander and de Gennes)."""
 
+    title: ClassVar[str] = "steric repulsion"
+
     brush_thickness: Annotated[float, LENGTH.positive.between("1 pm", "100 um", '"5 nm"')]
     """Thickness L of the brush on each particle."""
     grafting_distance: Annotated[float, LENGTH.positive.between("1 pm", "100 um", '"2 nm"')]
     """Mean distance s between grafted chains."""
     temperature: Annotated[float, TEMPERATURE.positive.between("1 K", "5000 K")]
     """Absolute temperature."""
+
+    keeps_apart: ClassVar[bool] = True
 
     def refuse_company(self, effects: Companions) -> None:
         refuse_contact("steric", effects)

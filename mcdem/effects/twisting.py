@@ -14,12 +14,11 @@ factors are the moments of uniform friction and of uniform displacement over a d
 from __future__ import annotations
 
 from math import inf
-from typing import Annotated, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 from numba import njit
 
 from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_contact
-from mcdem.effects.sliding import cohesion
 from mcdem.effects.tangential import STUCK, TWISTS
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
@@ -28,6 +27,8 @@ from mcdem.quantities.units import DIMENSIONLESS
 
 class Twisting(EffectTable):
     """Twisting resistance of contacts; needs a contact law, whose material sets the stiffness."""
+
+    title: ClassVar[str] = "twisting"
 
     friction_coefficient: Annotated[float, DIMENSIONLESS.positive.between("1e-9", "1e6", "0.3")]
     """Largest tangential over normal stress in the contact, mu_f, as for sliding."""
@@ -44,7 +45,7 @@ class Twisting(EffectTable):
             stiffness=0.5 * sliding * contact_radius**2,
             lever=2.0 / 3.0 * contact_radius,
             friction_coefficient=self.friction_coefficient,
-            cohesion=cohesion(contact, units.length) / units.force,
+            cohesion=contact.cohesion(units.length) / units.force,
         )
 
 

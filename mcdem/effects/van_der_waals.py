@@ -18,25 +18,22 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 from numba import njit
 from pydantic import Field, model_validator
 
-from mcdem.effects.kinds import Companions, EffectTable, PairForce
+from mcdem.effects.attraction import Attraction
+from mcdem.effects.kinds import Companions, PairForce
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
-from mcdem.quantities.units import ENERGY, LENGTH
+from mcdem.quantities.units import LENGTH
 
 # Where the two branches of the retardation function cross.  The published 0.5709 leaves a step of 2e-4 in the force;
 # here it is none beyond round-off (the slope has its kink either way).
 BRANCH_POINT = 0.5717075264733067
 
 
-class VanDerWaals(EffectTable):
+class VanDerWaals(Attraction):
     """Van der Waals attraction, retarded unless the scene says otherwise."""
 
+    title: ClassVar[str] = "van der Waals"
     below_radius: ClassVar[tuple[str, ...]] = ("minimum_approach",)
-
-    hamaker_constant: Annotated[float, ENERGY.positive.between("1e-60 J", "1e-15 J")]
-    """Hamaker constant A_H of solid against solid through the medium."""
-    minimum_approach: Annotated[float, LENGTH.positive.between("1e-15 m", "1 mm", '"0.165 nm"')]
-    """Molecular roughness l0 that keeps the attraction finite at contact."""
     retarded: bool = True
     """Whether the attraction weakens over distances comparable to the London wavelength."""
     london_wavelength: Annotated[float, LENGTH.positive.between("1 pm", "1 m", '"100 nm"')] | None = Field(
@@ -56,9 +53,9 @@ class VanDerWaals(EffectTable):
         return table | {"london_wavelength": None}
 
     @property
-    def step_length(self) -> float:
-        """l0, within which the attraction falls to a quarter."""
-        return self.minimum_approach
+    def reach(self) -> float | None:
+        """The London wavelength [m]; None without retardation."""
+        return self.london_wavelength
 
     def kernel(self, units: ReducedUnits, suspension: Suspension, effects: Companions) -> VanDerWaalsKernel:
         """The parameters in reduced units."""

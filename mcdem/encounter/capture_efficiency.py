@@ -153,12 +153,10 @@ def van_de_ven_mason(scene: Scene, factor: float = 0.95) -> float:
 
 def attraction_number(scene: Scene) -> float:
     """C_A = A_H/(36 pi mu g a^3), van der Waals attraction over the pull of the flow; 0 without attraction."""
-    van_der_waals = scene.effects.get("van_der_waals")
-    if van_der_waals is None:
+    attraction = scene.effects.attraction
+    if attraction is None:
         return 0.0
-    return van_der_waals.hamaker_constant / (
-        36.0 * math.pi * scene.flow.shear_stress * scene.suspension.radius**3
-    )
+    return float(attraction.number(scene.flow.shear_stress, scene.suspension.radius))
 
 
 def initial_growth(scene: Scene, efficiency: float) -> float:
@@ -184,8 +182,8 @@ class Capture:
         )
         if scene.effects.contact is None:
             raise UserError(
-                f"{scene.name}: no law of contact, so nothing sticks and eta_11 has no meaning: add [effects.jkr] or "
-                "[effects.dmt]"
+                f"{scene.name}: no law of contact, so nothing sticks and eta_11 has no meaning: add "
+                f"{' or '.join(f'[effects.{law}]' for law in scene.effects.contact_laws)}"
             )
         self.scene = scene
         self.monomer = Aggregate.monomer()

@@ -122,7 +122,7 @@ def physics_of(scene: Scene) -> tuple[UndisturbedFlow, state.Physics]:
     level = LEVELS[hydrodynamics.level].build(
         hydrodynamics.lubrication_cutoff, hydrodynamics.cutoff_convention == "gap", scene.reduced_radii
     )
-    kernels = scene.effects.kernels(scene.reduced, scene.suspension)
+    kernels = scene.kernels
     centred: Literal[True] | None = None if scene.flow.kind == "simple_shear" else True
     return (
         UndisturbedFlow(gradient, strain, five, centred),
@@ -140,7 +140,7 @@ def options_of(scene: Scene) -> NamedTuple:
     name, length = scene.numerics.scheme, scene.effects.step_length
     roughness = SMOOTH if length is None else length / scene.suspension.radius
     scales = Scales(roughness, scene.flow.shear_rate)
-    options: NamedTuple = SCHEMES[name].build(getattr(scene.numerics, name), scales)
+    options: NamedTuple = SCHEMES[name].build(scene.numerics.own, scales)
     return options
 
 

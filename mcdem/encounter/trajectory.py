@@ -67,15 +67,13 @@ class Trajectory:
         cls, scene: Scene, recorder: Recorder, result: EncounterResult | None = None, **origin: str
     ) -> Self:
         """The course that `simulate_encounter(..., record=recorder)` kept."""
-        jkr = scene.effects.get("jkr")
+        contact, radius = scene.effects.contact, scene.suspension.radius
         if result is not None:
             origin = {"outcome": result.outcome, **origin}
         return cls(
-            scene.suspension.radius,
+            radius,
             scene.flow.shear_rate,
-            jkr.kernel(scene.reduced, scene.suspension, scene.effects).pull_off_force * scene.reduced.force
-            if jkr is not None
-            else np.nan,
+            np.nan if contact is None else contact.pull_off_force(radius),
             recorder.time,
             recorder.positions,
             recorder.tension,

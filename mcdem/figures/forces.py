@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
-from mcdem.effects import contact_force, non_contact_force
+from mcdem.effects import ContactLaw, EffectTable, PairForce
+from mcdem.effects.sums import contact_equilibrium, contact_force, contact_pull_off_gap, non_contact_force
 from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.style import BLACK, GREY, VERMILION, canvas
 from mcdem.scene import Scene
@@ -15,41 +18,49 @@ NANOMETRE = 1e-9
 
 
 def pair_force(scene: Scene) -> Figure | None:
-    """Fig. 5, from the scene's own kernels; None where a scene lacks one of the two forces."""
-    effects = scene.effects
-    if effects.get("van_der_waals") is None or effects.get("jkr") is None:
+    """Fig. 5, from the scene's own laws; None where a scene lacks one of the two forces."""
+    effects, units = scene.effects, scene.reduced
+    if effects.attraction is None or effects.contact is None:
         return None
-    units, vdw, jkr = (
-        scene.reduced,
-        effects.get("van_der_waals").kernel(scene.reduced, scene.suspension, scene.effects),
-        effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects),
-    )
-    approach = effects.get("van_der_waals").minimum_approach
-    apart = np.linspace(0.0, 30 * approach, 400)
-    attached = np.linspace(2.2 * jkr.equilibrium_gap, jkr.pull_off_gap, 400) * units.length
-    free = np.array([non_contact_force(h / units.length, 1.0, vdw, None, None)[0] for h in apart])
-    held = np.array([contact_force(h / units.length, 1.0, jkr, None)[0] for h in attached])
+    pair_forces, contact, _ = scene.kernels
+    (rest, _), pull_off = contact_equilibrium(1.0, contact), contact_pull_off_gap(1.0, contact)
+    apart = np.linspace(0.0, 30 * effects.attraction.minimum_approach, 400)
+    attached = np.linspace(2.2 * rest, pull_off, 400) * units.length
+    free = np.array([non_contact_force(h / units.length, 1.0, pair_forces)[0] for h in apart])
+    held = np.array([contact_force(h / units.length, 1.0, contact)[0] for h in attached])
     numbers = xr.Dataset(
         {
             "gap_apart": quantity(apart, "apart", "m", "surface gap h, not in contact"),
-            "van_der_waals": quantity(
-                free * units.force, "apart", "N", "van der Waals force, repulsion positive"
+            "force_apart": quantity(
+                free * units.force, "apart", "N", "force before contact, repulsion positive"
             ),
             "gap_attached": quantity(attached, "attached", "m", "surface gap h, in contact"),
-            "jkr": quantity(held * units.force, "attached", "N", "JKR force, repulsion positive"),
-            "equilibrium_gap": quantity(
-                jkr.equilibrium_gap * units.length, (), "m", "gap of a free contact, h_eq"
+            "force_attached": quantity(
+                held * units.force, "attached", "N", "force of the contact, repulsion positive"
             ),
-            "pull_off_gap": quantity(jkr.pull_off_gap * units.length, (), "m", "gap of pull-off, h_po"),
-            "pull_off_force": quantity(jkr.pull_off_force * units.force, (), "N", "pull-off force F_adh"),
-        }
+            "equilibrium_gap": quantity(rest * units.length, (), "m", "gap of a free contact, h_eq"),
+            "pull_off_gap": quantity(pull_off * units.length, (), "m", "gap of pull-off, h_po"),
+            "pull_off_force": quantity(
+                effects.contact.pull_off_force(units.length), (), "N", "pull-off force F_adh"
+            ),
+        },
+        attrs={
+            "apart": titles_of(effects.present(PairForce).values()),
+            "attached": titles_of(effects.present(ContactLaw).values()),
+        },
     )
     return Figure(
         "fig05_pair_force",
-        "Force between two primaries against their surface gap: van der Waals apart, JKR in contact.",
+        f"Force between two primaries against their surface gap: {numbers.attrs['apart']} apart, "
+        f"{numbers.attrs['attached']} in contact.",
         numbers,
         draw_pair_force,
     )
+
+
+def titles_of(tables: Iterable[EffectTable]) -> str:
+    """The names of effects, as a legend has them."""
+    return " + ".join(table.title for table in tables)
 
 
 def draw_pair_force(numbers: xr.Dataset) -> Canvas:
@@ -58,13 +69,16 @@ def draw_pair_force(numbers: xr.Dataset) -> Canvas:
     axes.axhline(0, color=GREY, lw=0.5)
     axes.plot(
         numbers["gap_apart"] / NANOMETRE,
-        numbers["van_der_waals"] / NANOMETRE,
+        numbers["force_apart"] / NANOMETRE,
         ":",
         color=BLACK,
-        label="van der Waals",
+        label=numbers.attrs["apart"],
     )
     axes.plot(
-        numbers["gap_attached"] / NANOMETRE, numbers["jkr"] / NANOMETRE, color=VERMILION, label="JKR contact"
+        numbers["gap_attached"] / NANOMETRE,
+        numbers["force_attached"] / NANOMETRE,
+        color=VERMILION,
+        label=f"{numbers.attrs['attached']} contact",
     )
     for name, words, height in (("equilibrium_gap", "$h_{eq}$", 0.96), ("pull_off_gap", "$h_{po}$", 0.88)):
         h = float(numbers[name]) / NANOMETRE

@@ -15,6 +15,7 @@ from mcdem.encounter import capture_efficiency as capture
 from mcdem.errors import UserError
 from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.style import BLACK, LINES, VERMILION, canvas, colour, note
+from mcdem.integrators import DEFAULT
 from mcdem.scene import Scene
 
 MOST_POINTS = 4000
@@ -106,8 +107,8 @@ def van_de_ven_mason(run: Run) -> float:
 
 @cache
 def computed_efficiency(scene: Scene) -> float:
-    """eta_11 of two primaries of the scene, by implicit steps, to half a per cent; NaN where nothing sticks."""
-    implicit = scene.numerics.model_copy(update={"scheme": "implicit"})
+    """eta_11 of two primaries of the scene, by the default steps, to half a per cent; NaN where nothing sticks."""
+    implicit = scene.numerics.model_copy(update={"scheme": DEFAULT})
     try:
         return capture.pair_efficiency(scene.model_copy(update={"numerics": implicit}), rays=4).efficiency
     except UserError:

@@ -46,8 +46,8 @@ def _gathered(runs: Sequence[Run]) -> xr.Dataset:
 
 def pull_off_force(run: Run) -> float | None:
     """Pull-off force of a contact [N]; None in a scene without contacts."""
-    jkr = run.scene.effects.get("jkr")
-    return jkr.kernel(run.scene).pull_off_force * run.scene.reduced.force if jkr is not None else None
+    contact = run.scene.effects.contact
+    return float(contact.pull_off_force(run.radius)) if contact is not None else None
 
 
 # Outcome against offset

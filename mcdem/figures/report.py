@@ -17,6 +17,7 @@ from mcdem.analysis.breakup import in_reading
 from mcdem.analysis.dataset import FEW_BREAKUPS, Run
 from mcdem.analysis.paper_comparison import RULE, compare
 from mcdem.analysis.statistics import STEADY_TEST, share
+from mcdem.effects.sums import contact_equilibrium
 from mcdem.errors import UserError
 from mcdem.figures import figures_of
 from mcdem.figures.growth import van_de_ven_mason
@@ -49,7 +50,7 @@ def parameters(run: Run) -> list[tuple[str, str, str, str]]:
 def dimensionless_groups(run: Run) -> list[tuple[str, str, float]]:
     """(symbol, meaning, value) of what governs the run."""
     scene, a = run.scene, run.radius
-    stress, vdw = scene.flow.shear_stress, scene.effects.get("van_der_waals")
+    stress, attraction = scene.flow.shear_stress, scene.effects.attraction
     groups = [
         ("φ", "volume fraction of the primaries", scene.suspension.volume_fraction),
         (
@@ -65,15 +66,15 @@ def dimensionless_groups(run: Run) -> list[tuple[str, str, float]]:
         groups.append(
             ("6πμγ̇a²/F_adh", "viscous force against pull-off force", scene.reduced.force / adhesion)
         )
-        jkr = scene.effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects)  # type: ignore[union-attr]
-        groups.append(("h_eq/a", "gap of a free contact", jkr.equilibrium_gap))
-    if vdw is not None:
-        attraction = vdw.hamaker_constant / (36 * math.pi * stress * a**3)
-        groups.append(("C_A = A_H/36πμγ̇a³", "van der Waals attraction against viscous force", attraction))
+        rest, _ = contact_equilibrium(1.0, scene.kernels.contact)
+        groups.append(("h_eq/a", "gap of a free contact", rest))
+    if attraction is not None:
+        number = attraction.number(stress, a)
+        groups.append(("C_A = A_H/36πμγ̇a³", "van der Waals attraction against viscous force", number))
         groups.append(
             ("η₁₁", "0.95 C_A^0.18, efficiency of monomer collisions (Eq. 23)", van_de_ven_mason(run))
         )
-        groups.append(("ℓ₀/a", "least approach", vdw.minimum_approach / a))
+        groups.append(("ℓ₀/a", "least approach", attraction.minimum_approach / a))
     return groups
 
 

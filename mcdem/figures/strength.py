@@ -23,7 +23,7 @@ def static_load(runs: Sequence[Run]) -> Figure | None:
     """Largest static tension over pull-off force against P; None where too few are rigid for a law (`statistics.OF_AGGREGATES`)."""
     sizes, loads = [], []
     for run in runs:
-        if run.scene.effects.get("jkr") is None and run.scene.effects.get("dmt") is None:
+        if run.scene.effects.contact is None:
             return None
         late = run.late_snapshots
         for k in np.unique(np.linspace(0, len(late) - 1, MOST_SNAPSHOTS).astype(int)):

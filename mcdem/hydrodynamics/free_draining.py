@@ -27,4 +27,12 @@ def resistance(level, work, radii):
     return 0
 
 
-LEVEL = Level(FreeDraining, lambda *_: FreeDraining(), resistance, no_drive, no_two_body, single_stresslets)
+LEVEL = Level(
+    FreeDraining,
+    lambda *_: FreeDraining(),
+    resistance,
+    no_drive,
+    no_two_body,
+    single_stresslets,
+    squeeze=lambda gap: 1.0 / 2.0,
+)

@@ -27,6 +27,7 @@ class Level:
     two_body : compiled, (parameters, work, radii, strain (3, 3)) adds the two-body part to both
     stresslets : compiled, (parameters, work, radii, rates (6N,), strain (5,), out (N, 5)); those exerted on the fluid
     two_body_of_strains : compiled, (parameters, work, radii, strains (5, 5), drives (5, 6N)), as `two_body` for five at once
+    squeeze : gap over a -> resistance over 6 pi mu a to changing the gap of two spheres that are this near, for estimates
     coupled : whether spheres feel each other;  stresslet_couplings : whether through their stresslets too, so that a far field is
         worth keeping and rigid aggregates may approach as bodies with a stresslet;  lubrication : whether pairs have it
     """
@@ -37,6 +38,7 @@ class Level:
     strain_drive: Callable[..., Any]
     two_body: Callable[..., Any]
     stresslets: Callable[..., Any]
+    squeeze: Callable[[float], float]
     two_body_of_strains: Callable[..., Any] | None = None
     coupled: bool = False
     stresslet_couplings: bool = False

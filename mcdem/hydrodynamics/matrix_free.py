@@ -87,7 +87,9 @@ def near_blocks(positions, radii, pairs, level, strain, blocks, own, drive):
     local = np.empty((12, 12))
     for p in range(pairs.shape[0]):
         i, j = pairs[p, 0], pairs[p, 1]
-        shift = pair_of(positions, radii, i, j, level, raw, scalars, d)
+        shift = pair_of(
+            positions, radii, i, j, level.lubrication, level.cutoff, level.shifted, raw, scalars, d
+        )
         local[:] = 0.0
         lubrication.add_pair_resistance(scalars, 1, 0, d, local)
         lubrication.add_pair_drive(scalars, i, j, d, strain, shift, drive)
@@ -105,7 +107,7 @@ def near_blocks(positions, radii, pairs, level, strain, blocks, own, drive):
 
 
 @njit(cache=True, inline="always")
-def pair_of(positions, radii, i, j, level, raw, scalars, d):
+def pair_of(positions, radii, i, j, table, cutoff, shifted, raw, scalars, d):
     """Scalars (11, 4) of a pair and d (3,), the unit vector from i to j; returns the shift of its distance."""
     r = 0.0
     for k in range(3):
@@ -115,9 +117,9 @@ def pair_of(positions, radii, i, j, level, raw, scalars, d):
     for k in range(3):
         d[k] /= r
     true_gap = r - radii[i] - radii[j]
-    gap = max(true_gap, level.cutoff)
-    lubrication.pair_scalars(gap, radii[i], radii[j], level.lubrication, raw, scalars)
-    return gap - true_gap if level.shifted else 0.0
+    gap = max(true_gap, cutoff)
+    lubrication.pair_scalars(gap, radii[i], radii[j], table, raw, scalars)
+    return gap - true_gap if shifted else 0.0
 
 
 @njit(cache=True, inline="always")
@@ -133,13 +135,15 @@ def beyond(positions, i, j, reach):
 def distant_load(positions, radii, rates, reach, level, load):
     """load (6N,) += R rates of all pairs beyond `reach`."""
     n = radii.shape[0]
+    # A parallel loop takes no tuple that holds another.
+    table, cutoff, shifted = level.lubrication, level.cutoff, level.shifted
     loads = np.zeros((SHARES, 6 * n))
     for share in prange(SHARES):
         raw, scalars, d = np.empty(lubrication.RAW), np.empty((11, 4)), np.empty(3)
         for i in range(share, n, SHARES):
             for j in range(i):
                 if beyond(positions, i, j, reach):
-                    pair_of(positions, radii, i, j, level, raw, scalars, d)
+                    pair_of(positions, radii, i, j, table, cutoff, shifted, raw, scalars, d)
                     lubrication.add_pair_load(scalars, i, j, d, rates, loads[share])
     for share in range(SHARES):
         load += loads[share]
@@ -149,13 +153,14 @@ def distant_load(positions, radii, rates, reach, level, load):
 def distant_drive(positions, radii, reach, level, strain, drive):
     """drive (6N,) += that of all pairs beyond `reach`."""
     n = radii.shape[0]
+    table, cutoff, shifted = level.lubrication, level.cutoff, level.shifted
     drives = np.zeros((SHARES, 6 * n))
     for share in prange(SHARES):
         raw, scalars, d = np.empty(lubrication.RAW), np.empty((11, 4)), np.empty(3)
         for i in range(share, n, SHARES):
             for j in range(i):
                 if beyond(positions, i, j, reach):
-                    shift = pair_of(positions, radii, i, j, level, raw, scalars, d)
+                    shift = pair_of(positions, radii, i, j, table, cutoff, shifted, raw, scalars, d)
                     lubrication.add_pair_drive(scalars, i, j, d, strain, shift, drives[share])
     for share in range(SHARES):
         drive += drives[share]
@@ -165,12 +170,13 @@ def distant_drive(positions, radii, reach, level, strain, drive):
 def pair_stresslets(positions, radii, rates, level, strain_five, out):
     """Two-body stresslets of all pairs, added to out (N, 5)."""
     n = radii.shape[0]
+    table, cutoff, shifted = level.lubrication, level.cutoff, level.shifted
     found = np.zeros((SHARES, n, 5))
     for share in prange(SHARES):
         raw, scalars, d = np.empty(lubrication.RAW), np.empty((11, 4)), np.empty(3)
         for i in range(share, n, SHARES):
             for j in range(i):
-                pair_of(positions, radii, i, j, level, raw, scalars, d)
+                pair_of(positions, radii, i, j, table, cutoff, shifted, raw, scalars, d)
                 lubrication.add_pair_stresslet(scalars, i, j, d, rates, strain_five, found[share])
     for share in range(SHARES):
         out += found[share]

@@ -31,5 +31,12 @@ def resistance(level, work, radii):
 
 
 LEVEL = Level(
-    RotnePrager, lambda *_: RotnePrager(), resistance, no_drive, no_two_body, single_stresslets, coupled=True
+    RotnePrager,
+    lambda *_: RotnePrager(),
+    resistance,
+    no_drive,
+    no_two_body,
+    single_stresslets,
+    squeeze=lambda gap: 4.0 / 3.0,  # 1/(2 (1 - 5/8)) by the couplings of `grand_mobility` at r = 2a
+    coupled=True,
 )

@@ -29,8 +29,8 @@ class StokesianDynamics(NamedTuple):
     """delta, the gap over a below which the two-body part keeps its value there"""
     shifted: bool
     """Whether the strain too sees a pair below the cut-off at the gap of the cut-off.  Otherwise only the matrix is frozen there,
-    as Frungieri & Vanni (2021) say, and the strain at the true distance drives a squeeze by cutoff - h that grows without bound as
-    the cut-off falls below the overlap of a contact."""
+    as Frungieri & Vanni (2021) say, and the strain at the true distance drives a squeeze by cutoff - h that grows without
+    bound as the cut-off falls below the overlap of a contact."""
 
 
 @njit(cache=True)
@@ -89,6 +89,7 @@ LEVEL = Level(
     fts.strain_drive,
     two_body,
     stresslets,
+    squeeze=lambda gap: 1.0 / (4.0 * gap),  # the leading term of lubrication
     two_body_of_strains=two_body_of_strains,
     coupled=True,
     stresslet_couplings=True,

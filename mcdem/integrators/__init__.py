@@ -14,9 +14,12 @@ from importlib import import_module
 
 from mcdem.integrators.scheme import Scheme, know
 
-__all__ = ["SCHEMES", "Scheme"]
+__all__ = ["DEFAULT", "SCHEMES", "Scheme"]
 
 MENU = {"implicit": "implicit_midpoint", "explicit_euler": "explicit_euler"}
+
+DEFAULT = "implicit"
+"""The scheme of a scene that names none."""
 
 SCHEMES: dict[str, Scheme] = {
     name: import_module(f"mcdem.integrators.{module}").SCHEME for name, module in MENU.items()

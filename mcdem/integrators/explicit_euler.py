@@ -159,4 +159,5 @@ SCHEME = Scheme(
     shortcuts=False,
     torques=False,
     stretching=False,
+    step_in_strain=False,
 )

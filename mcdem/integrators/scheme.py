@@ -30,6 +30,7 @@ class Scheme:
     options : NamedTuple of its numbers in reduced units;  build : (table, Scales) -> options
     workspace : (number of primaries, whether contacts resist) -> NamedTuple of work arrays, one of them `labels` (N,)
     step_key : which of its keys is the time step, to which everything else that limits a step is in proportion
+    step_in_strain : whether that key is in units of 1/g, not in seconds
     advance : compiled, (group, flow, physics, options, log, end) takes one accepted step; DONE or an error code
     shortcuts : whether what cannot change the outcome may be skipped (`encounter.motion`); a reference takes none
     torques : whether it follows the torques of contacts;  stretching : whether it follows flows other than simple shear
@@ -44,6 +45,7 @@ class Scheme:
     shortcuts: bool
     torques: bool
     stretching: bool
+    step_in_strain: bool = True
 
 
 _SCHEME_OF: dict[type, Scheme] = {}

@@ -265,3 +265,8 @@ def _toml(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return shown(value)
+
+
+def choices(menu: Mapping[str, Any], having: str) -> str:
+    """The names of a menu whose members have a property, as they are written in a scene: '"a" or "b"'."""
+    return " or ".join(f'"{name}"' for name, member in menu.items() if getattr(member, having))

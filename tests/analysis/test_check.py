@@ -92,7 +92,8 @@ def test_every_scene_can_be_checked(path):
         ({"hydrodynamics.lubrication_cutoff": 0.0}, "cut-off delta over the overlap", "warning", "presses a touching doublet"),
         ({"suspension.volume_fraction": 0.01}, "simulated time", "warning", "too crowded"),
         ({"suspension.volume_fraction": 1e-3}, "simulated time", "note", "may meet a third"),
-        ({"numerics.scheme": "explicit_euler", "numerics.explicit_euler.base_step": "5 us"}, "paper's step", "warning", "past the limit"),
+        ({"numerics.scheme": "explicit_euler", "numerics.explicit_euler.base_step": "5 us"},
+         "paper's step", "warning", "past the limit"),
         ({"numerics.explicit_euler.base_step": "5 us"}, "paper's step", "note", "no such limit"),
         ({"numerics.explicit_euler.base_step": "0.1 us"}, "paper's step", "fine", "resolves the contacts"),
         ({"numerics.implicit.max_step": 0.5}, "longest step", "warning", "not resolved"),
@@ -170,10 +171,7 @@ def test_relaxation_time_without_lubrication_is_that_of_two_touching_spheres(lev
     touching = 2.0 * radius * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     forces = units.force * np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     apart = np.diff(mcdem.velocities(bare, touching, forces).linear[:, 0])[0]
-    stiffness = (
-        bare.effects.get("jkr").kernel(bare.reduced, bare.suspension, bare.effects).equilibrium_stiffness
-        * units.stiffness
-    )
+    stiffness = bare.kernels.contact.equilibrium_stiffness * units.stiffness
     assert contact_relaxation(bare) == pytest.approx(units.force / apart / stiffness, rel=1e-9)
     words = " ".join(one.words for one in check(bare))
     assert f'level = "{level}" is without lubrication' in words
@@ -196,7 +194,7 @@ def doublet_tension(scene, gap):
 def test_a_doublet_bears_what_the_frozen_matrix_leaves(cutoff):
     """The estimate of `mcdem check` against the forces that hold a doublet; reading the gap loses nothing."""
     frozen = scene(hydrodynamics__lubrication_cutoff=cutoff)
-    gap = frozen.effects.get("jkr").kernel(frozen.reduced, frozen.suspension, frozen.effects).equilibrium_gap
+    gap = frozen.kernels.contact.equilibrium_gap
     assert doublet_share(cutoff, -gap) == pytest.approx(doublet_tension(frozen, gap), abs=0.01)
     read = frozen.with_changes({"hydrodynamics.cutoff_convention": "gap"})
     assert doublet_tension(read, gap) == pytest.approx(1.0, abs=0.01)

@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 import mcdem
-from mcdem import vary
 from mcdem.analysis import accuracy_cost as cost
+from mcdem.analysis import sensitivity as vary
 from mcdem.commands.main import app
 from mcdem.encounter.simulate import OUTCOMES
 

@@ -7,28 +7,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from asked import mcdem_command, refusal
 from rich.console import Console
-from typer.testing import CliRunner
 
-from mcdem.commands.main import app
 from mcdem.commands.progress import RunDisplay
 
 SCENES = Path(__file__).parents[2] / "scenes"
-
-
-def mcdem_command(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="mcdem")
-
-
-def refusal(*arguments):
-    """The line on stderr with which a command is refused, exit code 2."""
-    done = mcdem_command(*arguments)
-    assert done.exit_code == 2, done.output
-    assert done.stdout == ""
-    message = done.stderr.strip()
-    assert message.startswith("error: ")
-    assert "\n" not in message
-    return message.removeprefix("error: ")
 
 
 @pytest.mark.parametrize(

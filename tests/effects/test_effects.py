@@ -6,23 +6,19 @@ from math import log, pi
 
 import numpy as np
 import pytest
-from effects_family import ELASTIC, TABLES, effects, scene
+from effects_family import CONTACT_LAWS, ELASTIC, TABLES, effects, kernels, scene
+from effects_family import kernel as kernel_of
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from mcdem.effects import (
-    Effects,
-    born,
+from mcdem.effects import EFFECTS, Effects, born, dmt, double_layer, jkr, steric, van_der_waals
+from mcdem.effects.sums import (
     contact_equilibrium,
     contact_force,
     contact_gap,
+    contact_pull_off_force,
     contact_pull_off_gap,
-    dmt,
-    double_layer,
-    jkr,
-    steric,
-    van_der_waals,
 )
 from mcdem.errors import SceneError
 from mcdem.scene import Scene
@@ -31,12 +27,13 @@ NM = 1e-9
 PAPER = scene("van_der_waals", "jkr")
 A = PAPER.reduced.length
 F0 = PAPER.reduced.force
-VDW = PAPER.effects.kernels(PAPER).van_der_waals
-JKR = PAPER.effects.kernels(PAPER).jkr
+VDW, JKR = kernel_of(PAPER, "van_der_waals"), kernel_of(PAPER, "jkr")
 
 
 def kernel(name, **changes):
-    return getattr(effects(name), name).model_copy(update=changes).kernel(scene(name))
+    whole = scene(name)
+    table = whole.effects.get(name).model_copy(update=changes)
+    return table.kernel(whole.reduced, whole.suspension, whole.effects)
 
 
 # The paper's contacts
@@ -115,30 +112,42 @@ def test_dmt_is_hertz_less_adhesion():
         assert force + kernel_.pull_off_force == pytest.approx(hertz, rel=1e-13)
 
 
-@pytest.mark.parametrize("law", ["jkr", "dmt"])
+@pytest.mark.parametrize("law", CONTACT_LAWS)
 @pytest.mark.parametrize("radius", [1.0, 0.3])
 @pytest.mark.parametrize("load", [-0.5, 0.0, 1.0, 100.0])
 def test_the_gap_of_a_loaded_contact_is_the_law_read_backwards(law, radius, load):
-    scene_ = scene(law)
-    kernels = scene_.effects.kernels(scene_)
-    gap = contact_gap(load, radius, kernels.jkr, kernels.dmt)
-    assert contact_force(gap, radius, kernels.jkr, kernels.dmt)[0] == pytest.approx(load, abs=1e-9)
-    assert contact_gap(load, radius, None, None) == -np.inf
+    contact = kernels(law).contact
+    gap = contact_gap(load, radius, contact)
+    assert contact_force(gap, radius, contact)[0] == pytest.approx(load, abs=1e-9)
+    assert contact_gap(load, radius, None) == -np.inf
 
 
 @pytest.mark.parametrize("radius", [0.3, 1.0, 1.6])
-@pytest.mark.parametrize("law", ["jkr", "dmt"])
+@pytest.mark.parametrize("law", CONTACT_LAWS)
 def test_equilibrium_and_pull_off_of_a_contact(law, radius):
-    kernels = scene(law).effects.kernels(scene(law))
-    force = {"jkr": jkr, "dmt": dmt}[law].force
-    kernel_ = getattr(kernels, law)
-    gap, stiffness = contact_equilibrium(radius, kernels.jkr, kernels.dmt)
-    value, slope = force(gap, radius, kernel_)
-    assert abs(value) < 1e-13 * kernel_.pull_off_force
+    contact, force = kernels(law).contact, EFFECTS[law].force
+    strength = contact_pull_off_force(radius, contact)
+    assert strength == pytest.approx(contact_pull_off_force(1.0, contact) * radius, rel=1e-14)
+    gap, stiffness = contact_equilibrium(radius, contact)
+    value, slope = force(gap, radius, contact)
+    assert abs(value) < 1e-13 * strength
     assert slope == pytest.approx(-stiffness, rel=1e-12)
-    pull_off = contact_pull_off_gap(radius, kernels.jkr, kernels.dmt)
-    assert force(pull_off, radius, kernel_) == (-kernel_.pull_off_force * radius, 0.0)
-    assert force(pull_off - 1e-6, radius, kernel_)[0] > -kernel_.pull_off_force * radius
+    pull_off = contact_pull_off_gap(radius, contact)
+    assert force(pull_off, radius, contact) == (-strength, 0.0)
+    assert force(pull_off - 1e-6, radius, contact)[0] > -strength
+
+
+@pytest.mark.parametrize("law", CONTACT_LAWS)
+def test_a_law_and_its_table_agree_on_pull_off(law):
+    """What the rest of the program takes from the table in SI is what the compiled law does."""
+    whole = scene(law)
+    contact, units, table = kernels(law).contact, whole.reduced, whole.effects.contact
+    assert contact_pull_off_force(1.0, contact) * units.force == pytest.approx(
+        table.pull_off_force(units.length), rel=1e-14
+    )
+    assert contact_pull_off_gap(1.0, contact) * units.length == pytest.approx(
+        table.pull_off_gap(units.length), rel=1e-14, abs=1e-24
+    )
 
 
 # Van der Waals
@@ -160,7 +169,7 @@ def test_retardation_has_its_limits():
 
 
 def test_unretarded_attraction_falls_as_the_square():
-    kernel_ = effects("unretarded").van_der_waals.kernel(PAPER)
+    kernel_ = kernel_of(scene("unretarded"), "unretarded")
     assert kernel_.wavenumber is None
     for gap in (0.0, 1 * NM, 1e-7):
         expected = -0.97e-20 * A / (12 * (gap + 0.165 * NM) ** 2)

@@ -8,7 +8,8 @@ from effects_family import scene
 from following import Follow
 from scipy.integrate import solve_ivp
 
-from mcdem.effects import non_contact_force
+from mcdem.effects.sums import contact_equilibrium, non_contact_force
+from mcdem.integrators import SCHEMES
 
 START = 4e-3
 # Each compiles its own steps: one of them runs by default.
@@ -46,16 +47,18 @@ def gap_of(positions):
     return np.linalg.norm(positions[1] - positions[0]) - 2.0
 
 
-@pytest.mark.parametrize("scheme", ["implicit", pytest.param("paper", marks=pytest.mark.slow)])
+# The default scheme by default, every other one slowly.
+DEFAULT, *OTHERS = SCHEMES
+
+
+@pytest.mark.parametrize("scheme", [DEFAULT, *(pytest.param(s, marks=pytest.mark.slow) for s in OTHERS)])
 @pytest.mark.parametrize("names", COMBINATIONS, ids="+".join)
 def test_a_gap_closes_or_opens_as_the_sum_of_the_forces_tells(names, scheme):
     """Drag 6 pi mu a on each sphere: dh/dt = 2 F(h), integrated by another program until h has changed by a half."""
     physics = two_spheres(names, scheme, START, 1.0).physics
 
     def rate(_, h):
-        force, _ = non_contact_force(
-            h[0], 1.0, physics.van_der_waals, physics.double_layer, physics.short_range
-        )
+        force, _ = non_contact_force(h[0], 1.0, physics.pair_forces)
         return [2.0 * force]
 
     def half(_, h):
@@ -70,10 +73,10 @@ def test_a_gap_closes_or_opens_as_the_sum_of_the_forces_tells(names, scheme):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scheme", ["implicit", "paper"])
+@pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("names", [("van_der_waals", "jkr"), ("van_der_waals", "dmt")], ids="+".join)
 def test_spheres_that_attract_each_other_come_to_rest_in_the_contact_of_their_law(names, scheme):
     two = two_spheres(names, scheme, 1e-3, 0.05)
-    kernel = getattr(two.physics, names[1])
-    assert gap_of(two.until(0.5)) == pytest.approx(kernel.equilibrium_gap, rel=1e-6)
+    rest, _ = contact_equilibrium(1.0, two.physics.contact)
+    assert gap_of(two.until(0.5)) == pytest.approx(rest, rel=1e-6)
     assert two.motion.bonded[1, 0]

@@ -9,17 +9,25 @@ from itertools import product
 import numpy as np
 import pint
 import pytest
-from effects_family import TABLES, VARIANTS, effects, scene
-from mcdem.effects.short_range import ShortRangeKernel
+from effects_family import (
+    CONTACT_LAWS,
+    PAIR_FORCES,
+    RESISTANCES,
+    TABLES,
+    VARIANTS,
+    effect_of,
+    effects,
+    kernels,
+    scene,
+)
+from effects_family import kernel as kernel_of
 from numba.core.dispatcher import Dispatcher
 from pydantic import ValidationError
 
-from mcdem.effects import Effects, Kernels, contact_force, non_contact_force
+from mcdem.effects import EFFECTS, Effects, Kernels
+from mcdem.effects.sums import contact_force, non_contact_force
 
-NON_CONTACT = ["van_der_waals", "double_layer", "born", "steric", *VARIANTS]
-CONTACT = ["jkr", "dmt"]
-RESISTANCE = ["sliding", "rolling", "twisting", "rods"]
-FORCES = NON_CONTACT + CONTACT
+FORCES = PAIR_FORCES + CONTACT_LAWS
 
 # Gaps over the radius, across every branch of every force; slopes have kinks at some, not here.
 GAPS = [-3e-3, -4e-4, -1e-4, 3e-5, 2e-4, 1e-3, 7e-3, 0.02, 0.039, 0.3]
@@ -38,22 +46,30 @@ UNITS = {
 
 
 def module(name):
-    return import_module(f"mcdem.effects.{VARIANTS[name][0] if name in VARIANTS else name}")
+    return import_module(f"mcdem.effects.{effect_of(name)}")
 
 
 def kernel(name, radius=500e-9):
-    whole = scene(name, radius=radius)
-    return getattr(whole.effects, VARIANTS[name][0] if name in VARIANTS else name).kernel(whole)
+    return kernel_of(scene(name, radius=radius), name)
 
 
 def gaps(name):
     """Gaps at which the law of `name` is smooth; an overlap without contact is not."""
-    return [h for h in GAPS if name in CONTACT or h > 0]
+    return [h for h in GAPS if name in CONTACT_LAWS or h > 0]
 
 
 def test_every_effect_is_in_one_family():
-    assert set(Effects.model_fields) == {*NON_CONTACT, *CONTACT, *RESISTANCE} - set(VARIANTS)
-    assert set(TABLES) == set(Effects.model_fields)
+    assert set(Effects.model_fields) == {*PAIR_FORCES, *CONTACT_LAWS, *RESISTANCES} - set(VARIANTS)
+    assert set(TABLES) == set(Effects.model_fields) == set(EFFECTS)
+    assert set(UNITS) == {*FORCES}
+
+
+@pytest.mark.parametrize("name", list(EFFECTS))
+def test_an_effect_states_what_its_parameters_are(name):
+    """Compiled code finds a law by the type of its parameters: each effect has one of its own."""
+    assert type(kernel(name)) is EFFECTS[name].kernel
+    assert [other for other, effect in EFFECTS.items() if effect.kernel is EFFECTS[name].kernel] == [name]
+    assert type(scene(name).effects.get(name)) is EFFECTS[name].table
 
 
 @pytest.mark.parametrize("name", list(TABLES))
@@ -75,7 +91,7 @@ def test_slope_is_the_derivative_of_the_force(name, radius):
         assert slope == pytest.approx(difference, rel=1e-8, abs=1e-15 * abs(value) / step)
 
 
-@pytest.mark.parametrize("name", NON_CONTACT)
+@pytest.mark.parametrize("name", PAIR_FORCES)
 def test_a_force_without_contact_vanishes_far_away(name):
     """Faster than 1/h, so that its work from infinity is finite; and on the way its sign and that of its slope never change."""
     force, kernel_ = module(name).force, kernel(name)
@@ -145,12 +161,6 @@ def test_dimensions_are_proven(name, monkeypatch):
         assert si(slope, "N/m") == pytest.approx(expected_slope * unit.stiffness, rel=1e-12)
 
 
-def combined(names):
-    """The kernels of a scene with these effects."""
-    whole = scene(*names)
-    return whole.effects.kernels(whole)
-
-
 def non_contact_combinations():
     """Every set of forces between spheres not in contact that a scene may name."""
     for attraction, layer in product(
@@ -163,49 +173,42 @@ def non_contact_combinations():
 
 @pytest.mark.parametrize("names", list(non_contact_combinations()), ids="+".join)
 def test_forces_add(names):
-    kernels = combined(names)
+    pair_forces = kernels(*names).pair_forces
     for h in gaps("van_der_waals"):
-        total = np.array(
-            non_contact_force(h, 1.0, kernels.van_der_waals, kernels.double_layer, kernels.short_range)
-        )
+        total = np.array(non_contact_force(h, 1.0, pair_forces))
         alone = np.array([module(name).force(h, 1.0, kernel(name)) for name in names]).reshape(-1, 2)
         assert total == pytest.approx(alone.sum(axis=0), rel=1e-14, abs=1e-14 * np.abs(alone).sum())
 
 
-@pytest.mark.parametrize("name", NON_CONTACT)
+@pytest.mark.parametrize("name", PAIR_FORCES)
 def test_absent_is_strength_zero(name):
     """To the last bit: the sum with the effect at strength zero is the sum without it."""
-    others = [n for n in ("van_der_waals", "double_layer", "steric") if n != (VARIANTS.get(name, (name,))[0])]
-    without = combined(others)
+    others = [n for n in ("van_der_waals", "double_layer", "steric") if n != effect_of(name)]
+    without = kernels(*others).pair_forces
     zero = kernel(name)
     zero = zero._replace(**{zero._fields[0]: 0.0})
-    effect = VARIANTS[name][0] if name in VARIANTS else name
-    if effect in ("born", "steric"):
-        short = (without.short_range or ShortRangeKernel(None, None))._replace(**{effect: zero})
-        nothing = without._replace(short_range=short)
-    else:
-        nothing = without._replace(**{effect: zero})
     for h in GAPS:
-        a, b = (
-            non_contact_force(h, 1.0, k.van_der_waals, k.double_layer, k.short_range)
-            for k in (without, nothing)
+        alone = non_contact_force(h, 1.0, without)
+        assert (
+            alone
+            == non_contact_force(h, 1.0, (*without, zero))
+            == non_contact_force(h, 1.0, (zero, *without))
         )
-        assert a == b
 
 
 def test_a_contact_law_is_the_one_present():
-    for name in CONTACT:
-        kernels = combined([name])
+    for name in CONTACT_LAWS:
+        contact = kernels(name).contact
         for h in GAPS:
-            assert contact_force(h, 1.0, kernels.jkr, kernels.dmt) == module(name).force(h, 1.0, kernel(name))
-    assert contact_force(0.0, 1.0, None, None) == (0.0, 0.0)
+            assert contact_force(h, 1.0, contact) == module(name).force(h, 1.0, kernel(name))
+    assert contact_force(0.0, 1.0, None) == (0.0, 0.0)
 
 
-def test_kernels_are_none_where_the_scene_is_silent():
-    assert Kernels(*[None] * len(Kernels._fields)) == combined([])
-    kernels = combined(["van_der_waals", "jkr", "rolling"])
-    present = {name for name, value in kernels._asdict().items() if value is not None}
-    assert present == {"van_der_waals", "jkr", "rolling"}
+def test_compiled_code_holds_nothing_where_the_scene_is_silent():
+    assert Kernels((), None, ()) == kernels()
+    assert kernels("van_der_waals", "jkr", "rolling") == Kernels(
+        (kernel("van_der_waals"),), kernel("jkr"), (kernel("rolling"),)
+    )
 
 
 @pytest.mark.parametrize("name", list(TABLES))

@@ -6,10 +6,12 @@ from math import pi
 
 import numpy as np
 import pytest
-from effects_family import scene
+from effects_family import kernel, scene
 from scipy.spatial.transform import Rotation
 
-from mcdem.effects import contact_resistance
+from mcdem.effects import EFFECTS, Resistance
+from mcdem.effects.kinds import Response, Turned
+from mcdem.effects.sums import contact_resistance, fixed_in_spheres
 from mcdem.effects.tangential import (
     ROLLS,
     SLIDES,
@@ -33,33 +35,42 @@ RESISTANCES = [
     ("rods", "twisting"),
 ]
 NEVER = {"friction_coefficient": 1e9, "largest_angle": 1e9, "largest_displacement": 1e9}
+
+
+def test_every_resistance_is_in_the_family():
+    members = {name for name, effect in EFFECTS.items() if isinstance(effect, Resistance)}
+    assert {name for names in RESISTANCES for name in names} == members
+
+
 every_resistance = pytest.mark.parametrize("names", RESISTANCES, ids="+".join)
 
 
 def laws(*names, **changes):
-    """(sliding, rolling, twisting, rods) of a scene with these, None the others."""
+    """Parameters of the resistances of a scene with these effects, some of them changed."""
     whole = scene(*names)
-    kernels = whole.effects.kernels(whole)
-    chosen = [getattr(kernels, name) for name in ("sliding", "rolling", "twisting", "rods")]
-    return [
-        k if k is None else k._replace(**{key: value for key, value in changes.items() if key in k._fields})
-        for k in chosen
-    ]
+    chosen = whole.kernels.resistances
+    return tuple(
+        k._replace(**{key: value for key, value in changes.items() if key in k._fields}) for k in chosen
+    )
+
+
+def law(laws_, name):
+    """Those of one resistance."""
+    return next(k for k in laws_ if isinstance(k, EFFECTS[name].kernel))
 
 
 def resist(laws_, carried, q, normal, distance=2.0, share_1=0.5, radius=1.0, normal_force=0.0):
     """(code, spring, loads, tangent) of one evaluation."""
     spring, loads, tangent = np.empty(7), np.empty(7), np.empty((7, 7))
-    code = contact_resistance(
-        carried, q, normal, distance, share_1, radius, normal_force, *laws_, spring, loads, tangent
-    )
+    turned = Turned(carried, q, normal, distance, share_1, radius, normal_force)
+    code = contact_resistance(turned, laws_, Response(spring, loads, tangent))
     return code, spring, loads, tangent
 
 
-def step(before, after, turn_1, turn_2, rods=None):
+def step(before, after, turn_1, turn_2, fixed=False):
     """(q, normals, spins, distance) of one motion."""
     q, normals, spins = np.empty(7), np.empty((3, 3)), np.empty(2)
-    distance = relative_turns(before, after, turn_1, turn_2, rods, q, normals, spins)
+    distance = relative_turns(before, after, turn_1, turn_2, fixed, q, normals, spins)
     return q, normals, spins, distance
 
 
@@ -71,7 +82,7 @@ def carried(spring, start, end, spins):
 
 def move(laws_, history, before, after, turn_1, turn_2, **arguments):
     """One step as an integrator takes it: (q, history, result of `resist`)."""
-    q, normals, spins, distance = step(before, after, turn_1, turn_2, laws_[3])
+    q, normals, spins, distance = step(before, after, turn_1, turn_2, fixed_in_spheres(laws_))
     start = carried(history, normals[0], normals[1], spins)
     result = resist(laws_, start, q, normals[1], distance, **arguments)
     return q, carried(result[1], normals[1], normals[2], spins), result
@@ -230,7 +241,9 @@ def test_within_its_limit_a_resistance_conserves_energy(names):
     for _ in range(200):
         rigid, loose = 0.1 * rng.normal(size=3), 1e-4 * rng.normal(size=(3, 3))
         after = rotation(rigid).apply(r) + loose[0]
-        q, normals, spins, distance = step(r, after, rigid + loose[1], rigid + loose[2], kernels[3])
+        q, normals, spins, distance = step(
+            r, after, rigid + loose[1], rigid + loose[2], fixed_in_spheres(kernels)
+        )
         start = carried(history, normals[0], normals[1], spins)
         before = resist(kernels, start, np.zeros(7), normals[1], distance)[2]
         code, spring, loads, tangent = resist(kernels, start, q, normals[1], distance)
@@ -272,9 +285,9 @@ def test_absent_is_stiffness_zero(names):
             or ("rods" in other and "twisting" not in names)
         ):
             continue
-        zero = [k if k is None else k._replace(stiffness=0.0) for k in laws(*names)]
-        with_zero = [a or b for a, b in zip(laws(*other), zero)]
-        without = [a for a in laws(*other)]
+        zero = tuple(k._replace(stiffness=0.0) for k in laws(*names))
+        without = laws(*other)
+        with_zero = (*without, *zero)
         for a, b in zip(resist(with_zero, start, q, normal)[2:], resist(without, start, q, normal)[2:]):
             assert np.array_equal(a, b)
 
@@ -287,8 +300,7 @@ def test_two_spheres_of_one_radius_are_the_scene_of_that_radius(names, radius, s
     rng, normal = np.random.default_rng(10), np.array([0.0, 0.6, 0.8])
     q = turns(rng, normal, size)
     whole = scene(*names, radius=radius * 500e-9)
-    kernels = whole.effects.kernels(whole)
-    own = resist([kernels.sliding, kernels.rolling, kernels.twisting, kernels.rods], np.zeros(7), q, normal)
+    own = resist(whole.kernels.resistances, np.zeros(7), q, normal)
     common = resist(laws(*names), np.zeros(7), q, normal, distance=2.0 * radius, radius=radius)
     assert common[2] == pytest.approx(own[2] * radius**3, rel=1e-12, abs=1e-12 * np.abs(common[2]).max())
     assert common[3] == pytest.approx(own[3] * radius**3, rel=1e-12, abs=1e-12 * np.abs(common[3]).max())
@@ -300,19 +312,20 @@ def test_two_spheres_of_one_radius_are_the_scene_of_that_radius(names, radius, s
 def test_stiffness_and_limits_in_si():
     """Mindlin, Dominik & Tielens and Marshall for the paper's spheres, from their own formulas."""
     whole = scene("sliding", "rolling", "twisting")
-    kernels, unit = whole.effects.kernels(whole), whole.reduced
+    unit = whole.reduced
+    sliding, rolling, twisting = (kernel(whole, name) for name in ("sliding", "rolling", "twisting"))
     gamma, E, nu, a = 4.7e-3, 3.4e9, 0.5, 500e-9
     b0 = (9 * pi * gamma * a**2 * (1 - nu**2) / (2 * E)) ** (1 / 3)
     adhesion = 1.5 * pi * gamma * a
     shear = 1 / (2 * (2 - nu) / (E / (2 * (1 + nu))))
-    assert kernels.sliding.stiffness * unit.stiffness == pytest.approx(8 * shear * b0, rel=1e-12)
+    assert sliding.stiffness * unit.stiffness == pytest.approx(8 * shear * b0, rel=1e-12)
     assert 8 * shear * b0 == pytest.approx(46.6, abs=0.05)
-    assert kernels.rolling.stiffness * unit.energy == pytest.approx(4 * adhesion * a / 2, rel=1e-12)
-    assert kernels.twisting.stiffness * unit.energy == pytest.approx(8 * shear * b0 * b0**2 / 2, rel=1e-12)
+    assert rolling.stiffness * unit.energy == pytest.approx(4 * adhesion * a / 2, rel=1e-12)
+    assert twisting.stiffness * unit.energy == pytest.approx(8 * shear * b0 * b0**2 / 2, rel=1e-12)
     x = np.array([0.0, 0.0, 1.0])
     for load in (-adhesion, 0.0, 3 * adhesion):
         far = np.array([0.1, 0, 0, -0.1, 0.2, 0, 0.5])
-        laws_ = [kernels.sliding, kernels.rolling, kernels.twisting, None]
+        laws_ = (sliding, rolling, twisting)
         code, _, loads, _ = resist(laws_, np.zeros(7), far, x, normal_force=load / unit.force)
         assert code == SLIDES | ROLLS | TWISTS
         friction = 0.3 * (load + 2 * adhesion)
@@ -349,7 +362,7 @@ def test_a_clamped_chain_of_rods_bends_as_its_energy_tells(n):
     """Moments m r F and (m + 1) r F at the ends of the m-th bond: deflection (F/k_t) n (2 n^2 + 1)/3, in the limit a beam."""
     kernels = laws("rods", "twisting")
     motion = clamped_chain(kernels, n, ACROSS, np.zeros(3))
-    assert motion[:3] * kernels[3].stiffness == pytest.approx(
+    assert motion[:3] * law(kernels, "rods").stiffness == pytest.approx(
         n * (2 * n**2 + 1) / 3 * ACROSS, rel=1e-7, abs=1e-7 * n**3
     )
 
@@ -359,11 +372,14 @@ def test_a_clamped_chain_of_sliding_and_rolling_contacts_bends_as_its_energy_tel
     """Each contact shears by F/k_T and bends by its moment (m + 1/2) r F over k_R: F [n/k_T + r^2 n (4 n^2 - 1)/(12 k_R)]."""
     kernels = laws("sliding", "rolling", "twisting")
     motion = clamped_chain(kernels, n, ACROSS, np.zeros(3))
-    expected = n / kernels[0].stiffness + 4 * n * (4 * n**2 - 1) / 12 / kernels[1].stiffness
+    expected = (
+        n / law(kernels, "sliding").stiffness
+        + 4 * n * (4 * n**2 - 1) / 12 / law(kernels, "rolling").stiffness
+    )
     assert motion[:3] == pytest.approx(expected * ACROSS, rel=1e-7, abs=1e-7 * expected)
     axis = np.array([0.36, 0.48, 0.8])
     motion = clamped_chain(kernels, n, np.zeros(3), axis)
-    assert motion[3:] == pytest.approx(n / kernels[2].stiffness * axis, rel=1e-7)
+    assert motion[3:] == pytest.approx(n / law(kernels, "twisting").stiffness * axis, rel=1e-7)
 
 
 class RodsInSpheres:
@@ -398,7 +414,7 @@ def test_rods_are_those_of_their_slow_twin():
     """A pair that tumbles by whole turns while its spheres twist freely and turn against each other by some 1e-3."""
     rng, kernels = np.random.default_rng(11), laws("rods", **NEVER)
     r = np.array([0.0, 1.2, 1.6])
-    twin, history = RodsInSpheres(r, kernels[3].stiffness), np.zeros(7)
+    twin, history = RodsInSpheres(r, law(kernels, "rods").stiffness), np.zeros(7)
     drift = 1e-5 * rng.normal(size=(3, 3))
     for _ in range(400):
         rigid = np.array([0.03, -0.01, 0.02])

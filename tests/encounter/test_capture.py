@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from test_cli import mcdem_command, refusal
+from asked import mcdem_command, refusal
 
 import mcdem
 from mcdem.encounter import capture_efficiency as capture

@@ -13,11 +13,11 @@ from scipy import stats
 from shapes import stack_of_octahedra, tetrahedron
 
 import mcdem
-from mcdem.effects import contact_force
+from mcdem.effects.sums import contact_equilibrium, contact_force, contact_pull_off_gap
 from mcdem.encounter.motion import integrate
-from mcdem.encounter.simulate import OUTCOMES, classify
+from mcdem.encounter.simulate import OUTCOMES, classify, physics_of
 from mcdem.errors import UserError
-from mcdem.integrators.time_loop import march
+from mcdem.integrators.time_loop import follow_steps
 from mcdem.quantities.linear_flows import draw_offset
 from validation.exact import two_spheres
 
@@ -39,6 +39,7 @@ SMOOTH = PAPER.with_changes(
     }
 )
 MONOMER = mcdem.Aggregate.monomer()
+CONTACT = physics_of(PAPER)[1].contact
 
 
 def encounter(scene, i=MONOMER, j=MONOMER, offset=(0.0, 1.0), **options):
@@ -49,7 +50,7 @@ def encounter(scene, i=MONOMER, j=MONOMER, offset=(0.0, 1.0), **options):
 
 def settled(shape):
     """An aggregate whose contacts are at their unloaded gap."""
-    gap = PAPER.effects.get("jkr").kernel(PAPER.reduced, PAPER.suspension, PAPER.effects).equilibrium_gap
+    gap, _ = contact_equilibrium(1.0, CONTACT)
     return mcdem.Aggregate.from_positions(PAPER, shape()[0] * RADIUS * (1.0 + 0.5 * gap))
 
 
@@ -191,13 +192,12 @@ def static_tension(scene, gap):
 
 def test_doublet_tension_converges_to_statics():
     """A doublet turns through the extension axis; far from anything its contact bears what statics asks for."""
-    kernel = PAPER.effects.get("jkr").kernel(PAPER.reduced, PAPER.suspension, PAPER.effects)
-    gap = kernel.equilibrium_gap
+    gap = at_rest = contact_equilibrium(1.0, CONTACT)[0]
     for _ in range(5):  # the gap opens by a third under this load
         expected = static_tension(PAPER, gap)
-        gaps = np.linspace(kernel.equilibrium_gap, kernel.pull_off_gap, 2001)
-        gap = gaps[np.argmin([abs(contact_force(h, 1.0, kernel, None)[0] + expected) for h in gaps])]
-    rest = 1.0 + 0.5 * kernel.equilibrium_gap
+        gaps = np.linspace(at_rest, contact_pull_off_gap(1.0, CONTACT), 2001)
+        gap = gaps[np.argmin([abs(contact_force(h, 1.0, CONTACT)[0] + expected) for h in gaps])]
+    rest = 1.0 + 0.5 * at_rest
     doublet = mcdem.Aggregate.from_positions(PAPER, np.array([[0, 0, -rest], [0, 0, rest]]) * RADIUS)
     errors = []
     for step in (0.1, 0.05, 0.025):
@@ -262,10 +262,7 @@ def test_primaries_are_conserved_with_their_identities():
         for product in result.products:
             assert np.abs(product.positions.mean(axis=0)).max() < 1e-12
             gaps = np.linalg.norm(product.positions[:, None] - product.positions[None], axis=2) - 2 * RADIUS
-            reach = (
-                PAPER.effects.get("jkr").kernel(PAPER.reduced, PAPER.suspension, PAPER.effects).pull_off_gap
-                * RADIUS
-            )
+            reach = PAPER.kernels.contact.pull_off_gap * RADIUS
             i_, j_ = product.bonds.T
             assert (gaps[i_, j_] <= reach * (1 + 1e-9)).all()
             np.fill_diagonal(gaps, np.inf)
@@ -355,9 +352,9 @@ def test_the_layout_of_positions_in_memory_does_not_matter():
     shape = settled(tetrahedron)
     by_columns = mcdem.Aggregate(np.asfortranarray(shape.positions), shape.bonds)
     rows = encounter(PAPER, shape, shape, (0.5, 1.5), orient=False)
-    compiled = len(march.signatures)
+    compiled = len(follow_steps.signatures)
     columns = encounter(PAPER, by_columns, by_columns, (0.5, 1.5), orient=False)
-    assert len(march.signatures) == compiled
+    assert len(follow_steps.signatures) == compiled
     assert np.array_equal(rows.centres, columns.centres)
 
 
@@ -401,10 +398,7 @@ def filmed(interval=0.5, **changes):
     scene = PAPER.with_changes({"numerics.rotations": 1, **changes})
     two = settled(tetrahedron), settled(tetrahedron)
     assert encounter(scene, *two, offset=(0.5, 6.5), record=record).outcome == "missed"
-    pull_off = (
-        PAPER.effects.get("jkr").kernel(PAPER.reduced, PAPER.suspension, PAPER.effects).pull_off_force
-        * UNITS.force
-    )
+    pull_off = PAPER.kernels.contact.pull_off_force * UNITS.force
     return record.time * RATE, record.positions / RADIUS, record.tension / pull_off
 
 
@@ -495,20 +489,20 @@ CHEAP_STARTS = (6, 12, 14, 24, 29)
 long at the edge of touching, and their outcomes change with the step."""
 
 
-def outcomes_and_contacts(numbers, **changes):
+def outcomes_and_contacts(numbers, changes=None):
     """Outcome and time of first contact of some of the committed encounters, one rotation after the approach."""
-    scene = PAPER.with_changes({"numerics.rotations": 1} | {f"numerics.{k}": v for k, v in changes.items()})
+    scene = PAPER.with_changes({"numerics.rotations": 1} | (changes or {}))
     chosen = [starts()[k] for k in numbers]
     results = [mcdem.simulate_encounter(scene, i, j, o, seed=0, orient=False) for i, j, o in chosen]
     return [r.outcome for r in results], np.array([r.first_contact_time for r in results])
 
 
-EXPLICIT = {"scheme": "paper", "paper_step_velocity": "normal"}
+EXPLICIT = {"numerics.scheme": "explicit_euler", "numerics.explicit_euler.step_velocity": "normal"}
 
 
 def test_implicit_and_explicit_steps_agree():
     implicit, touched = outcomes_and_contacts(CHEAP_STARTS)
-    explicit, touched_too = outcomes_and_contacts(CHEAP_STARTS, **EXPLICIT)
+    explicit, touched_too = outcomes_and_contacts(CHEAP_STARTS, EXPLICIT)
     assert implicit == explicit
     assert set(implicit) >= {"missed", "parted", "aggregation"}
     assert touched == pytest.approx(touched_too, rel=0.03, nan_ok=True)
@@ -525,8 +519,10 @@ def test_the_schemes_agree_on_every_outcome_as_both_steps_are_refined():
     assert len(numbers) >= 30
     agreeing, lags = [], []
     for factor in (1.0, 0.5, 0.25):
-        implicit, touched = outcomes_and_contacts(numbers, max_step=0.2 * factor)
-        explicit, touched_too = outcomes_and_contacts(numbers, paper_base_step=f"{factor} us", **EXPLICIT)
+        implicit, touched = outcomes_and_contacts(numbers, {"numerics.implicit.max_step": 0.2 * factor})
+        explicit, touched_too = outcomes_and_contacts(
+            numbers, EXPLICIT | {"numerics.explicit_euler.base_step": f"{factor} us"}
+        )
         agreeing.append(sum(a == b for a, b in zip(implicit, explicit)))
         lags.append(np.nanmedian(np.abs(touched - touched_too)) * RATE)
     assert agreeing == sorted(agreeing)
@@ -540,6 +536,8 @@ def test_the_schemes_agree_on_every_outcome_as_both_steps_are_refined():
 @pytest.mark.slow
 def test_the_literal_reading_of_eq_20_agrees_too():
     implicit, touched = outcomes_and_contacts(CHEAP_STARTS)
-    literal, touched_too = outcomes_and_contacts(CHEAP_STARTS, scheme="paper", paper_step_velocity="relative")
+    literal, touched_too = outcomes_and_contacts(
+        CHEAP_STARTS, EXPLICIT | {"numerics.explicit_euler.step_velocity": "relative"}
+    )
     assert implicit == literal
     assert touched == pytest.approx(touched_too, rel=0.03, nan_ok=True)

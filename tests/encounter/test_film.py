@@ -10,7 +10,7 @@ import pytest
 import typer
 from PIL import Image
 from small_runs import SCENES
-from test_trajectory import A, turning_trimer
+from trimer import A, turning_trimer
 from typer.testing import CliRunner
 
 from mcdem.aggregates.morphology import morphology

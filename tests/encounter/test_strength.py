@@ -10,6 +10,7 @@ from mcdem.aggregates.aggregate import Aggregate
 from mcdem.analysis.dataset import Run
 from mcdem.encounter.static_strength import worst_loads
 from mcdem.figures.strength import static_load
+from mcdem.hydrodynamics import LEVELS
 from mcdem.scene import load_scene
 
 SCENE = load_scene("scenes/paper-1000Pa.toml")
@@ -35,10 +36,7 @@ def test_a_touching_doublet_bears_the_exact_tension():
     scene = SCENE.with_changes(
         {"hydrodynamics.cutoff_convention": "gap", "hydrodynamics.lubrication_cutoff": 1e-4}
     )
-    strength = (
-        scene.effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects).pull_off_force
-        * scene.reduced.force
-    )
+    strength = scene.effects.contact.pull_off_force(A)
     exact = 6.12 * math.pi * A**2 * scene.flow.shear_stress / strength
     np.testing.assert_allclose(worst_loads(scene, [doublet(scene)])[0], exact, rtol=3e-3)
 
@@ -59,7 +57,7 @@ def test_floppy_aggregates_and_primaries_have_no_static_load():
     assert np.isnan(worst_loads(SCENE, [chain, Aggregate.monomer()])).all()
 
 
-@pytest.mark.parametrize("level", ["free_draining", "rotne_prager", "fts"])
+@pytest.mark.parametrize("level", LEVELS)
 def test_an_octahedron_is_loaded_alike_in_all_its_poses_at_every_level(level):
     scene = SCENE.with_changes({"hydrodynamics": {"level": level}})
     rng = np.random.default_rng(6)

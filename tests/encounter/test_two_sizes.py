@@ -13,16 +13,19 @@ import mcdem
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.aggregates.morphology import morphology
 from mcdem.analysis.dataset import Run
+from mcdem.effects.sums import contact_equilibrium
 from mcdem.encounter import trajectory
 from mcdem.encounter.capture_efficiency import pair_efficiency
 from mcdem.encounter.simulate import Recorder, physics_of
 from mcdem.errors import UserError
 from mcdem.figures import draw_all, plot_run
 from mcdem.figures.report import report
-from mcdem.hydrodynamics import matrix_free, stokesian
+from mcdem.hydrodynamics import LEVELS, matrix_free
 from mcdem.hydrodynamics.grand_mobility import five_to_tensor
+from mcdem.hydrodynamics.resistance import workspace
 from mcdem.hydrodynamics.two_sphere import tables as two_sphere
 from mcdem.hydrodynamics.two_sphere import tensors as pair_tensors
+from mcdem.hydrodynamics.velocities import solve_velocities
 from mcdem.kernel_tables import tabulate
 from mcdem.monte_carlo.population import Population, shares_of
 from mcdem.monte_carlo.process import run
@@ -92,13 +95,13 @@ def test_unequal_pairs_move_as_two_exact_spheres(ratio, gap, order):
     assert found.stresslet / units.energy == pytest.approx(stresslets, abs=1e-7 * np.abs(stresslets).max())
 
 
-@pytest.mark.parametrize("level", ["free_draining", "rotne_prager", "fts", "stokesian"])
+@pytest.mark.parametrize("level", LEVELS)
 def test_spheres_of_one_size_move_as_if_there_were_no_other(level):
     """The small ones of two sizes alone, against a suspension of their size; the cut-off is a length, over either radius."""
     mixed = SCENE.with_changes({"hydrodynamics.level": level})
     changes = {"radius": "250 nm", "radii": None, "number_fractions": None}
     alone = mixed.with_changes({f"suspension.{key}": value for key, value in changes.items()})
-    if level == "stokesian":
+    if LEVELS[level].lubrication:
         delta = mixed.hydrodynamics.lubrication_cutoff
         alone = alone.with_changes({"hydrodynamics.lubrication_cutoff": 2.0 * delta})
     rng = np.random.default_rng(5)
@@ -136,13 +139,10 @@ def test_resistance_of_packed_unequal_spheres_is_positive_and_iteration_agrees_w
     unit = scene.reduced.length
     rng = np.random.default_rng(0)
     loads = rng.normal(size=(2, 40, 3))
-    flow_terms = (flow.gradient, flow.strain, flow.strain_five, *loads, physics.cutoff, physics.shifted)
-    five = np.empty((40, 5))
-    code, linear, angular = stokesian.solve_velocities(
-        stokesian.workspace(40), positions / unit, radii / unit, *flow_terms, True, True, physics.table, five
-    )
+    spheres, five = (positions / unit, radii / unit, flow, *loads), np.empty((40, 5))
+    code, linear, angular = solve_velocities(physics.level, workspace(40), *spheres, five)
     assert code == 0
-    found = matrix_free.solve_velocities(positions / unit, radii / unit, *flow_terms, physics.table)
+    found = matrix_free.solve_velocities(physics.level, *spheres)
     assert found.linear == pytest.approx(linear, abs=1e-5 * np.abs(linear).max())
     assert found.angular == pytest.approx(angular, abs=1e-5 * np.abs(angular).max())
     assert found.stresslet == pytest.approx(five, abs=1e-5 * np.abs(five).max())
@@ -171,19 +171,10 @@ def test_a_touching_doublet_turns_as_its_two_exact_spheres_do(ratio):
     expected = np.cross(direction, apart) / (radii.sum() + gap)
 
     bonded = np.array([[False, True], [True, False]])
-    none = (None, None, None, physics.jkr, None)
-    code, body = analyse(
-        stokesian.workspace(2),
-        positions - positions.mean(axis=0),
-        bonded,
-        radii,
-        0.0,
-        False,
-        True,
-        True,
-        physics.table,
-        *none,
+    exact = physics._replace(
+        level=LEVELS["stokesian"].build(0.0, False, scene.reduced_radii), pair_forces=(), resistances=()
     )
+    code, body = analyse(workspace(2), positions - positions.mean(axis=0), bonded, radii, exact)
     assert code == RIGID
     spin = 0.5 * (flow.gradient - flow.gradient.T)[[2, 0, 1], [1, 2, 0]] + body.spin @ five
     across = spin - (spin @ direction) * direction
@@ -215,11 +206,7 @@ def test_an_aggregate_is_about_its_centre_of_mass_and_reaches_to_its_furthest_su
 
 
 def test_contacts_are_read_off_gaps_up_to_the_pull_off_of_the_two_radii():
-    pull_off = (
-        SCENE.effects.get("jkr").kernel(SCENE.reduced, SCENE.suspension, SCENE.effects).pull_off_gap
-        * SCENE.suspension.radius
-        * (2.0 / 3.0) ** (1.0 / 3.0)
-    )
+    pull_off = SCENE.kernels.contact.pull_off_gap * SCENE.suspension.radius * (2.0 / 3.0) ** (1.0 / 3.0)
     for gap, bonds in ((0.99 * pull_off, 1), (1.01 * pull_off, 0)):
         places = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 750e-9 + gap]])
         if bonds:
@@ -255,10 +242,10 @@ def test_a_small_primary_sticks_to_a_large_one_at_the_gap_of_their_reduced_radiu
     (product,) = result.products
     assert product.radii.tolist() == [500e-9, 250e-9]
     assert product.radii**3 @ product.positions == pytest.approx(np.zeros(3), abs=1e-30)
-    reduced, jkr = 2.0 / 3.0, COARSE.effects.get("jkr")
-    rest = jkr.kernel(COARSE).equilibrium_gap * reduced ** (1.0 / 3.0) * 500e-9
+    reduced, contact = 2.0 / 3.0, COARSE.effects.contact
+    rest = contact_equilibrium(reduced, physics_of(COARSE)[1].contact)[0] * 500e-9
     gap = np.linalg.norm(product.positions[1] - product.positions[0]) - 750e-9
-    loaded = result.largest_tension / jkr.pull_off_force(500e-9 * reduced)
+    loaded = result.largest_tension / contact.pull_off_force(500e-9 * reduced)
     assert 0.0 < loaded < 1.0
     # Up to the load over the stiffness 1.8 F_adh/L with L = 3/2 of the overlap; that of two large ones is 14 % more.
     assert abs(gap - rest) < 1.5 / 1.8 * loaded * abs(rest) < 0.14 * abs(rest)

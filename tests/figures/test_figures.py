@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 from PIL import Image
 from small_runs import small_runs
-from test_trajectory import turning_trimer
+from trimer import turning_trimer
 from typer.testing import CliRunner
 
 from mcdem.analysis.breakup import READINGS, in_reading
@@ -89,9 +89,10 @@ def test_pair_force_has_the_papers_scales():
     np.testing.assert_allclose(numbers["pull_off_force"], 1.107e-8, rtol=2e-3)
     np.testing.assert_allclose(numbers["equilibrium_gap"], -0.317e-9, rtol=5e-3)
     np.testing.assert_allclose(numbers["pull_off_gap"], 0.126e-9, rtol=5e-3)
-    np.testing.assert_allclose(numbers["jkr"].min(), -1.107e-8, rtol=2e-3)
-    at_equilibrium = np.interp(numbers["equilibrium_gap"], numbers["gap_attached"], numbers["jkr"])
+    np.testing.assert_allclose(numbers["force_attached"].min(), -1.107e-8, rtol=2e-3)
+    at_equilibrium = np.interp(numbers["equilibrium_gap"], numbers["gap_attached"], numbers["force_attached"])
     assert abs(at_equilibrium) < 1e-11
+    assert (numbers.attrs["apart"], numbers.attrs["attached"]) == ("van der Waals", "JKR")
 
 
 def test_initial_slope_is_that_of_equation_22():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from small_runs import small_runs
-from test_trajectory import turning_trimer
+from trimer import turning_trimer
 from typer.testing import CliRunner
 
 from mcdem.commands.main import app

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mcdem.effects import Effects
+from mcdem.effects import EFFECTS, ContactLaw, Effects, PairForce, Resistance
 from mcdem.scene import Scene
 
 # The paper's Table 1; the rest typical of polystyrene latex in water.
@@ -30,6 +30,20 @@ VARIANTS: dict[str, tuple[str, dict[str, object]]] = {
 NEEDS = {"born": "van_der_waals", "sliding": "jkr", "rolling": "jkr", "twisting": "jkr", "rods": "jkr"}
 
 
+def of_kind(kind: type) -> list[str]:
+    """The effects of one kind, and their variants, as a test goes over them."""
+    named = {name: name for name in EFFECTS} | {name: effect for name, (effect, _) in VARIANTS.items()}
+    return [name for name, effect in named.items() if isinstance(EFFECTS[effect], kind)]
+
+
+PAIR_FORCES, CONTACT_LAWS, RESISTANCES = of_kind(PairForce), of_kind(ContactLaw), of_kind(Resistance)
+
+
+def effect_of(name: str) -> str:
+    """The effect of which this is a variant, or itself."""
+    return VARIANTS[name][0] if name in VARIANTS else name
+
+
 def effects(*names: str) -> Effects:
     """The effects named, and what they need."""
     tables = {}
@@ -50,3 +64,14 @@ def scene(*names: str, radius: float = 500e-9) -> Scene:
             "effects": effects(*names),
         }
     )
+
+
+def kernel(whole: Scene, name: str):
+    """The parameters of an effect of a scene in reduced units."""
+    return whole.effects.get(effect_of(name)).kernel(whole.reduced, whole.suspension, whole.effects)
+
+
+def kernels(*names: str, radius: float = 500e-9):
+    """Those of all effects of such a scene, as compiled code takes them."""
+    whole = scene(*names, radius=radius)
+    return whole.kernels

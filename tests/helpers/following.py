@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 from effects_family import scene
 
-from mcdem.encounter.simulate import physics_of, scheme_of
+from mcdem.effects.twisting import TwistingKernel
+from mcdem.encounter.simulate import options_of, physics_of
+from mcdem.hydrodynamics.undisturbed_flow import UndisturbedFlow
 from mcdem.integrators import state
-from mcdem.integrators.implicit_midpoint import find_gaps, scratch
-from mcdem.integrators.time_loop import march, new_watch
+from mcdem.integrators.pairs import find_gaps
+from mcdem.integrators.scheme import scheme_of
+from mcdem.integrators.time_loop import Bounds, follow_steps, new_watch
 
 
 def free_draining(*names, **changes):
@@ -20,7 +23,12 @@ def free_draining(*names, **changes):
 
 def untwisted(physics):
     """Without resistance to twisting, in the compiled code of a scene that has it."""
-    return physics._replace(twisting=physics.twisting._replace(stiffness=0.0))
+    return physics._replace(
+        resistances=tuple(
+            law._replace(stiffness=0.0) if isinstance(law, TwistingKernel) else law
+            for law in physics.resistances
+        )
+    )
 
 
 class Follow:
@@ -31,8 +39,8 @@ class Follow:
         if without_twist:
             self.physics = untwisted(self.physics)
         if still:
-            self.flow = state.Flow(np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(5))
-        self.schemes = scheme_of(scene_)
+            self.flow = UndisturbedFlow(np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(5))
+        self.options = options_of(scene_)
         n = len(positions)
         bonded = np.zeros((n, n), bool)
         for i, j in bonds:
@@ -49,26 +57,20 @@ class Follow:
         if springs is not None:
             self.motion.springs[:] = springs
         self.log, self.history = state.new_log(), state.new_history(self.motion)
-        self.work, self.gaps = scratch(n, scene_.effects.resisting), np.empty((n, n))
+        self.work = scheme_of(self.options).workspace(n, scene_.effects.resisting)
+        self.gaps = np.empty((n, n))
         find_gaps(self.motion.positions, self.motion.radii, self.gaps)
 
     def until(self, time, steps=10**9):
         log = self.log
-        code = march(
-            self.motion,
-            self.history,
-            self.gaps,
-            self.work,
+        code = follow_steps(
+            state.Group(self.motion, self.history, self.gaps, self.work),
             self.flow,
             self.physics,
-            *self.schemes,
+            self.options,
             log,
             new_watch(log, np.inf),
-            0.0,
-            np.inf,
-            np.inf,
-            time,
-            log.steps[0] + steps,
+            Bounds(0.0, np.inf, np.inf, time, log.steps[0] + steps),
         )
         assert code in (state.DONE, state.TOO_MANY_STEPS)
         return self.motion.positions

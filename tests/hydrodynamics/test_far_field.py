@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mcdem.hydrodynamics import grand_mobility as far_field
-from mcdem.hydrodynamics import stokesian
+from mcdem.hydrodynamics.resistance import measure, workspace
 
 BASIS = np.array(
     [
@@ -27,8 +27,8 @@ for p in itertools.permutations(range(3)):
 
 def compiled(positions, radii):
     n = len(radii)
-    work = stokesian.workspace(n)
-    stokesian.measure(positions, work.directions, work.distances)
+    work = workspace(n)
+    measure(positions, work.directions, work.distances)
     far_field.grand_mobility(work.directions, work.distances, radii, work.mobility)
     lower = np.tril(work.mobility)
     return lower + np.tril(lower, -1).T

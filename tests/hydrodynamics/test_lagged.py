@@ -5,21 +5,25 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shapes import icosahedron
 
-from mcdem.hydrodynamics import frozen_far_field as lagged
-from mcdem.hydrodynamics import stokesian
+from mcdem.hydrodynamics import LEVELS, fts
+from mcdem.hydrodynamics import frozen_far_field as frozen
 from mcdem.hydrodynamics.grand_mobility import tensor_to_five
+from mcdem.hydrodynamics.resistance import measure, workspace
+from mcdem.hydrodynamics.undisturbed_flow import UndisturbedFlow
 
 STRAIN = np.array([[0.2, 0.1, 0.0], [0.1, -0.3, 0.5], [0.0, 0.5, 0.1]])
+FIVE = np.empty(5)
+tensor_to_five(STRAIN, FIVE)
+FLOW = UndisturbedFlow(STRAIN, STRAIN, FIVE)
+LEVEL = LEVELS["stokesian"].build(5e-3, False, (1.0,))
 COUNT = 13
 
 
 def far_field(kept, work, positions, tolerance, share=0.0):
-    stokesian.measure(positions, work.directions, work.distances)
-    labels = np.zeros(len(positions), np.int64)
-    code = lagged.far_field(
-        kept, work, np.ones(len(positions)), positions, labels, 1, STRAIN, share, tolerance, True, True
-    )
-    assert code == 0
+    measure(positions, work.directions, work.distances)
+    middle = frozen.Middle(np.ascontiguousarray(positions), np.zeros(len(positions), np.int64), 1, share)
+    radii = np.ones(len(positions))
+    assert frozen.far_field(LEVEL, kept, work, radii, middle, FLOW, tolerance) == 0
 
 
 def load(work, rates):
@@ -29,12 +33,10 @@ def load(work, rates):
 
 
 def exact(positions, rates):
-    work = stokesian.workspace(len(positions))
-    five = np.empty(5)
-    tensor_to_five(STRAIN, five)
-    stokesian.measure(positions, work.directions, work.distances)
-    assert stokesian.far_field_resistance(work, np.ones(len(positions))) == 0
-    stokesian.far_field_drive(work, five)
+    work = workspace(len(positions))
+    measure(positions, work.directions, work.distances)
+    assert fts.far_field_resistance(work, np.ones(len(positions))) == 0
+    fts.far_field_drive(work, FIVE)
     return load(work, rates)
 
 
@@ -43,9 +45,9 @@ def start():
     """A cluster, rates of its spheres, and a far field kept where it is, which has learnt the moments there."""
     positions = 1.2 * icosahedron()[0]
     rates = np.random.default_rng(1).normal(size=6 * COUNT)
-    kept, work = lagged.new_lagged(COUNT), stokesian.workspace(COUNT)
+    kept, work = frozen.nothing_frozen(COUNT), workspace(COUNT)
     far_field(kept, work, positions, 0.5)
-    lagged.learn(kept, work, rates[: 3 * COUNT], rates[3 * COUNT :])
+    frozen.learn(kept, work, rates[: 3 * COUNT], rates[3 * COUNT :])
     return positions, rates, kept, work
 
 
@@ -91,17 +93,17 @@ def test_the_far_field_is_made_anew_beyond_the_tolerance_and_after_contacts_chan
     far_field(kept, work, moved, 0.05)
     assert np.array_equal(kept.positions, moved)
     np.testing.assert_allclose(load(work, rates), exact(moved, rates), atol=1e-9)
-    lagged.forget(kept)
+    frozen.forget(kept)
     far_field(kept, work, positions, 10.0)
     np.testing.assert_allclose(load(work, rates), exact(positions, rates), atol=1e-9)
 
 
-def test_foreseen_moments_go_on_as_over_the_last_two_steps(start):
-    """Steady change of the moments in a fixed cluster: what is foreseen is then what comes."""
+def test_predicted_moments_go_on_as_over_the_last_two_steps(start):
+    """Steady change of the moments in a fixed cluster: what is predicted is then what comes."""
     _, rates, kept, work = start
     change = np.random.default_rng(4).normal(size=6 * COUNT)
     later = rates + change
-    lagged.learn(kept, work, later[: 3 * COUNT], later[3 * COUNT :])
+    frozen.learn(kept, work, later[: 3 * COUNT], later[3 * COUNT :])
     far_field(kept, work, kept.positions.copy(), 0.5, share=1.0)
-    foreseen = kept.foreseen[5 * COUNT :]
-    np.testing.assert_allclose(foreseen, exact(kept.positions, rates + 2.0 * change), rtol=1e-9, atol=1e-9)
+    predicted = kept.predicted[5 * COUNT :]
+    np.testing.assert_allclose(predicted, exact(kept.positions, rates + 2.0 * change), rtol=1e-9, atol=1e-9)

@@ -8,6 +8,7 @@ from shapes import octahedron, stack_of_octahedra, tetrahedron
 
 import mcdem
 from mcdem.analysis.accuracy_cost import draw_pairs, level_changes
+from mcdem.effects.sums import contact_equilibrium
 from mcdem.encounter.motion import analysed
 from mcdem.encounter.simulate import OUTCOMES, physics_of, shortcuts_of
 from mcdem.hydrodynamics.grand_mobility import tensor_to_five
@@ -35,7 +36,9 @@ def rigid_body(scene, positions):
     """The analysed body of touching spheres at positions (P, 3) [a], a little turned and pressed to contact."""
     n = len(positions)
     physics = physics_of(scene)[1]
-    placed = np.asarray(positions) @ ORIENTATION.T * (1.0 + 0.5 * physics.jkr.equilibrium_gap)
+    placed = (
+        np.asarray(positions) @ ORIENTATION.T * (1.0 + 0.5 * contact_equilibrium(1.0, physics.contact)[0])
+    )
     apart = np.linalg.norm(placed[:, None] - placed[None], axis=2)
     bonded = (apart < 2.0 + 1e-6) & ~np.eye(n, dtype=bool)
     part = state.Motion(placed, np.zeros((n, 3)), bonded, np.zeros((n, n)), np.ones(n), np.zeros(n, np.int64))

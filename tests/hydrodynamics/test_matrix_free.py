@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 import mcdem
+from mcdem.hydrodynamics import LEVELS, matrix_free
 from mcdem.hydrodynamics import grand_mobility as far_field
-from mcdem.hydrodynamics import matrix_free, stokesian
-from mcdem.hydrodynamics.two_sphere.tables import lubrication_table
+from mcdem.hydrodynamics.resistance import measure, workspace
+from mcdem.hydrodynamics.undisturbed_flow import UndisturbedFlow
+from mcdem.hydrodynamics.velocities import solve_velocities
 
-TABLE = lubrication_table(1.0)
+# Iteration is for levels with stresslets, whose far field is worth it.
+WITH_STRESSLETS = [name for name, level in LEVELS.items() if level.stresslet_couplings]
 
 
 def suspension(n, seed, spread=1.9, least=2.001):
@@ -30,7 +33,7 @@ def test_the_mobility_is_that_of_the_dense_matrix():
     radii = rng.uniform(0.6, 1.2, 9)
     n = len(radii)
     directions, distances = np.empty((n, n, 3)), np.empty((n, n))
-    stokesian.measure(positions, directions, distances)
+    measure(positions, directions, distances)
     matrix = np.zeros((11 * n, 11 * n))
     far_field.grand_mobility(directions, distances, radii, matrix)
     matrix = np.tril(matrix) + np.tril(matrix, -1).T
@@ -46,9 +49,9 @@ def test_the_mobility_is_that_of_the_dense_matrix():
     assert found == pytest.approx(matrix @ x, rel=1e-12, abs=1e-12)
 
 
-@pytest.mark.parametrize("table", [TABLE, None], ids=["lubrication", "far field"])
+@pytest.mark.parametrize("level", WITH_STRESSLETS)
 @pytest.mark.parametrize("shifted", [False, True], ids=["matrix", "gap"])
-def test_both_paths_give_the_same_velocities(table, shifted):
+def test_both_paths_give_the_same_velocities(level, shifted):
     positions = suspension(60, 2)
     n = len(positions)
     rng = np.random.default_rng(3)
@@ -58,12 +61,11 @@ def test_both_paths_give_the_same_velocities(table, shifted):
     strain, five = 0.5 * (gradient + gradient.T), np.empty(5)
     far_field.tensor_to_five(strain, five)
     stresslet = np.empty((n, 5))
-    common = (np.ones(n), gradient, strain, five, forces, torques, 5e-3, shifted)
-    code, linear, angular = stokesian.solve_velocities(
-        stokesian.workspace(n), positions, *common, True, True, table, stresslet
-    )
+    common = (positions, np.ones(n), UndisturbedFlow(gradient, strain, five), forces, torques)
+    parameters = LEVELS[level].build(5e-3, shifted, (1.0,))
+    code, linear, angular = solve_velocities(parameters, workspace(n), *common, stresslet)
     assert code == 0
-    found = matrix_free.solve_velocities(positions, *common, table, tolerance=1e-8)
+    found = matrix_free.solve_velocities(parameters, *common, tolerance=1e-8)
     assert found.residual <= 1e-8
     for one, other in ((found.linear, linear), (found.angular, angular), (found.stresslet, stresslet)):
         assert np.abs(one - other).max() < 1e-6 * np.abs(other).max()

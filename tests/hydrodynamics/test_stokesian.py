@@ -13,9 +13,11 @@ import mcdem
 from mcdem.encounter.simulate import physics_of
 from mcdem.errors import UserError
 from mcdem.hydrodynamics import grand_mobility as far_field
-from mcdem.hydrodynamics import stokesian
+from mcdem.hydrodynamics.resistance import workspace
 from mcdem.hydrodynamics.two_sphere import tables as two_sphere
 from mcdem.hydrodynamics.two_sphere import tensors as pair_tensors
+from mcdem.hydrodynamics.undisturbed_flow import UndisturbedFlow
+from mcdem.hydrodynamics.velocities import solve_velocities
 
 FULL = mcdem.load_scene("scenes/paper-1000Pa.toml").with_changes({"hydrodynamics.lubrication_cutoff": 0.0})
 UNITS = FULL.reduced
@@ -253,20 +255,14 @@ def rotated_velocities(positions, forces, torques, turn, scene):
     five = np.empty(5)
     far_field.tensor_to_five(strain, five)
     stresslet = np.empty((len(positions), 5))
-    code, linear, angular = stokesian.solve_velocities(
-        stokesian.workspace(len(positions)),
+    code, linear, angular = solve_velocities(
+        physics.level,
+        workspace(len(positions)),
         positions @ turn.T,
         np.ones(len(positions)),
-        gradient,
-        strain,
-        five,
+        UndisturbedFlow(gradient, strain, five),
         forces @ turn.T,
         torques @ turn.T,
-        physics.cutoff,
-        physics.shifted,
-        physics.coupled,
-        physics.stresslets,
-        physics.table,
         stresslet,
     )
     assert code == 0

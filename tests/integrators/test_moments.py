@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from effects_family import scene
+from effects_family import kernel, scene
 from following import Follow, free_draining, untwisted
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import mcdem
 from mcdem.analysis.dataset import Run
-from mcdem.effects import contact_force
+from mcdem.effects.sums import contact_equilibrium, contact_force
 from mcdem.encounter.motion import analysed
-from mcdem.encounter.simulate import springs_of
+from mcdem.encounter.simulate import physics_of, springs_of
 from mcdem.errors import SceneError
 from mcdem.hydrodynamics.grand_mobility import tensor_to_five
-from mcdem.integrators import state
+from mcdem.hydrodynamics.undisturbed_flow import UndisturbedFlow
 from mcdem.monte_carlo.process import run
 from mcdem.netcdf.comparison import identical
 from mcdem.rigid_aggregates.statics import present_load, worst_load
@@ -34,7 +34,7 @@ WELDED = {  # limits that nothing reaches
 
 
 def settled_gap(scene_):
-    return scene_.effects.contact.kernel(scene_).equilibrium_gap
+    return contact_equilibrium(1.0, physics_of(scene_)[1].contact)[0]
 
 
 def chain(scene_, directions):
@@ -74,10 +74,10 @@ def test_contacts_exert_no_force_and_no_torque_in_all(names):
         f.until(1e9, steps=1)
         displacement = f.motion.positions - start
         middle = 0.5 * (f.motion.positions + start)
-        torque = np.cross(middle, displacement).sum(axis=0) + 4.0 / 3.0 * f.work.moments.turns.sum(axis=0)
+        torque = np.cross(middle, displacement).sum(axis=0) + 4.0 / 3.0 * f.work.torques.turns.sum(axis=0)
         assert np.abs(displacement.sum(axis=0)).max() < 1e-13
         assert np.abs(torque).max() < 1e-11
-        moved = max(moved, np.abs(f.work.moments.turns).max())
+        moved = max(moved, np.abs(f.work.torques.turns).max())
     assert moved > 1e-5 and not np.array_equal(before, f.motion.positions)
 
 
@@ -97,7 +97,7 @@ def test_a_turned_observer_sees_the_same_turned(names):
         strain = 0.5 * (gradient + gradient.T)
         five = np.empty(5)
         tensor_to_five(strain, five)
-        f.flow = state.Flow(gradient, strain, five)
+        f.flow = UndisturbedFlow(gradient, strain, five)
         end = observer.inv().apply(f.until(1.0))
         back = f.motion.springs.copy()
         back[..., :3], back[..., 3:6] = back[..., :3] @ matrix, back[..., 3:6] @ matrix
@@ -130,8 +130,7 @@ def twin(s, positions, bonds, time):
 
     Forces and torques are differences of the energy (k_t/2) (xi_1^2 + xi_2^2) plus that of the contact, free draining.
     """
-    kernels = s.effects.kernels(s)
-    k_t = kernels.rods.stiffness
+    k_t, contact = kernel(s, "rods").stiffness, physics_of(s)[1].contact
     n = len(positions)
     rods = []
     for i, j in bonds:
@@ -146,7 +145,7 @@ def twin(s, positions, bonds, time):
             r = x[j] - x[i]
             distance = np.linalg.norm(r)
             normal = r / distance
-            F = contact_force(distance - 2.0, 1.0, kernels.jkr, kernels.dmt)[0]
+            F = contact_force(distance - 2.0, 1.0, contact)[0]
             force[i] -= F * normal
             force[j] += F * normal
             # The tip of the rod of i lies off the line of centres; xi its distance across it (rod of j: mirrored).
@@ -227,8 +226,9 @@ def test_a_resistance_of_strength_zero_is_one_that_is_absent(names):
     present, absent = free_draining(*names), free_draining("jkr")
     positions, bonds = chain(present, BENT)
     f = Follow(present, positions, bonds)
-    zero = {name: getattr(f.physics, name)._replace(stiffness=0.0) for name in names}
-    f.physics = f.physics._replace(**zero)
+    zero = tuple(law._replace(stiffness=0.0) for law in f.physics.resistances)
+    assert len(zero) == len(names)
+    f.physics = f.physics._replace(resistances=zero)
     assert f.until(1.0) == pytest.approx(Follow(absent, positions, bonds).until(1.0), abs=1e-7)
 
 
@@ -265,7 +265,7 @@ def test_statics_say_what_a_welded_doublet_bears():
     # Along the flow: the pair turns by omega, the fluid by 1/2: each sphere feels (4/3)(1/2 - omega).
     omega = (4.0 / 3.0) / (8.0 / 3.0 + r * r / 2.0)
     torque = 4.0 / 3.0 * (0.5 - omega)
-    spring = torque / (s.effects.kernels(s).rods.stiffness * r)
+    spring = torque / (kernel(s, "rods").stiffness * r)
     load = body.rest + body.response @ seen
     assert load[1:17].max() == pytest.approx(spring, rel=1e-6)
     assert load[17:33].max() == pytest.approx(spring, rel=1e-6)
@@ -289,7 +289,7 @@ def test_statics_agree_with_the_springs_that_steps_lead_to(level):
     tension = load[: body.contacts]
     for b, (i, j) in enumerate([(1, 0), (2, 1)]):
         gap = np.linalg.norm(f.motion.positions[i] - f.motion.positions[j]) - 2.0
-        now = -contact_force(gap, 1.0, f.physics.jkr, f.physics.dmt)[0]
+        now = -contact_force(gap, 1.0, f.physics.contact)[0]
         assert tension[b] == pytest.approx(now, abs=0.02 * np.abs(tension).max())
         rows = load[body.contacts + b * 34 : body.contacts + b * 34 + 16]
         assert rows.max() == pytest.approx(np.linalg.norm(f.motion.springs[i, j, :3]), rel=0.05)

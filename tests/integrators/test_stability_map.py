@@ -24,7 +24,7 @@ def test_a_contact_under_explicit_steps_fails_where_theory_says():
     """Beyond 2/(k m) the distance from rest grows at every step, short of it it falls."""
     scene = stability_map.SWEEPS["elastic_modulus"].at(load_scene(PAPER), 1e11)
     limit = stability_map.predicted_contact(scene)
-    euler, implicit = (stability_map.SCHEMES[name] for name in ("euler", "implicit"))
+    euler, implicit = (stability_map.WAYS[name] for name in ("euler", "implicit"))
     assert stability_map.contact_holds(euler.at(scene, 0.95 * limit), 0.95 * limit)
     assert not stability_map.contact_holds(euler.at(scene, 1.05 * limit), 1.05 * limit)
     assert stability_map.contact_holds(implicit.at(scene, 100.0 * limit), 100.0 * limit)
@@ -32,7 +32,7 @@ def test_a_contact_under_explicit_steps_fails_where_theory_says():
 
 def test_a_landing_and_a_turn_fail_beyond_their_limits():
     scene = stability_map.SWEEPS["elastic_modulus"].at(load_scene(PAPER), 1e10)
-    euler = stability_map.SCHEMES["euler"]
+    euler = stability_map.WAYS["euler"]
     for name in ("snap_in", "turning"):
         motion = stability_map.MOTIONS[name]
         limit = motion.predicted(scene)

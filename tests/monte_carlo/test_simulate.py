@@ -256,7 +256,7 @@ def test_a_time_reached_can_be_extended(tmp_path):
 
 def test_inversion_goes_on_too(tmp_path):
     once, twice = tmp_path / "once.nc", tmp_path / "twice.nc"
-    scene = synthetic.scene(**synthetic.SMALL, numerics__pair_selection="inversion")
+    scene = synthetic.scene(**synthetic.SMALL, numerics__event_selection="inverse_transform")
     for path, stops in ((once, (300,)), (twice, (120, 300))):
         for events in stops:
             simulate.run(scene, path, events=events, resume=True, encounter=synthetic.aggregation_and_breakup)

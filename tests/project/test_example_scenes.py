@@ -38,9 +38,7 @@ def test_the_double_layer_keeps_pairs_apart_that_attract_each_other_without_it(t
 
 def pull_of_an_aligned_doublet(scene):
     """Tension [N] in two primaries along z, at rest in the flow of the scene: contact force that stops their moving apart."""
-    separation = (
-        2.0 + scene.effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
-    )
+    separation = 2.0 + scene.kernels.contact.equilibrium_gap
     places = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, separation * scene.suspension.radius]])
 
     def parting(pull):
@@ -75,9 +73,7 @@ def test_contacts_that_bear_moments_keep_a_bent_chain_bent(tmp_path):
     scene, paper = (mcdem.load_scene(SCENES / f"{name}-1000Pa.toml") for name in ("moments", "paper"))
     bonds = {"effects.rods.stiffness": "5 N/m", "effects.rods.largest_displacement": "2 nm"}
     assert scene == paper.with_changes(bonds)
-    rest = (
-        2.0 + scene.effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
-    )
+    rest = 2.0 + scene.kernels.contact.equilibrium_gap
     zigzag = np.cumsum([[0.0, 0.0, 0.0], *[[0.0, (k % 2) * 1.0, 1.0 - k % 2] for k in range(4)]], axis=0)
     zigzag *= rest * scene.suspension.radius
     far = (1.9 * scene.suspension.radius, 7.0 * scene.suspension.radius)

@@ -69,7 +69,7 @@ def test_trials_reach_the_ends_of_the_ranges():
         assert ordinary.min() < low * (high / low) ** 0.05
         assert ordinary.max() > low * (high / low) ** 0.95
     assert min(trial.cutoff for trial in drawn) == 0.0
-    assert {trial.scheme for trial in drawn} == {"implicit", "paper"}
+    assert {trial.scheme for trial in drawn} == {"implicit", "explicit_euler"}
     assert min(abs(trial.offset[1]) for trial in drawn) < 1e-6
 
 

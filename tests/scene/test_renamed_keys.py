@@ -39,7 +39,7 @@ def test_a_key_of_before_is_refused_with_its_new_name(old, new):
 
 @pytest.mark.parametrize("place, new", VALUES.items())
 def test_a_value_of_before_is_refused_with_its_new_name(place, new):
-    (dotted, value), (table, _, key) = place, place[0].rpartition(".")
+    (_, value), (table, _, key) = place, place[0].rpartition(".")
     with pytest.raises(SceneError, match=f'{key} = "{value}" is now "{new}"'):
         Scene.from_text(f'{TEXT}[{table}]\n{key} = "{value}"\n', "here.toml")
 

@@ -190,7 +190,7 @@ def test_changes_add_and_remove_keys_and_tables():
             '[flow] shear_stress = "-750.0 Pa" is not positive; expected a stress from 1e-12 Pa to 1e12 Pa, such as "750 Pa"',
         ),
         ({"flow.shear_rate.x": 1}, '"shear_rate" is a key, not a table'),
-        ({"numerics.implicit.max_step": -1.0}, "[numerics] max_step = -1.0 is not positive"),
+        ({"numerics.implicit.max_step": -1.0}, "[numerics.implicit] max_step = -1.0 is not positive"),
     ],
 )
 def test_changes_pass_the_same_checks(changes, words):
@@ -267,7 +267,7 @@ MISTAKES = {
     ),
     "unknown choice": (
         'scheme = "implicit"', 'scheme = "explicit"',
-        '[numerics] scheme = "explicit"; expected "implicit" or "paper"',
+        '[numerics] scheme = "explicit"; expected "implicit" or "explicit_euler"',
     ),
     "three of the flow": (
         'viscosity = "75 cP"', 'viscosity = "75 cP"\nshear_stress = "750 Pa"',

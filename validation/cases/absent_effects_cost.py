@@ -32,11 +32,15 @@ def measure(context: Context):
     table = benchmark()
     zero, timed = {}, {}
     for effect in ANEW:
-        scenes = [table.scene_of(effect, present, "paper", "free_draining") for present in (False, True)]
+        scenes = [
+            table.scene_of(effect, present, "explicit_euler", "free_draining") for present in (False, True)
+        ]
         absent, none = table.Steps(scenes[0]), table.Steps(scenes[1], zeroed=effect)
         zero[effect] = table.largest_change(absent.run(1)[0].tolist(), none.run(1)[0].tolist())
         if not context.quick:
-            options = argparse.Namespace(scheme="paper", level="free_draining", rounds=10, processes=3)
+            options = argparse.Namespace(
+                scheme="explicit_euler", level="free_draining", rounds=10, processes=3
+            )
             with tempfile.TemporaryDirectory() as folder:
                 timed[effect] = table.times(effect, options, Path(folder))
     return {"kept": datasets.absent_effects(), "zero": zero, "timed": timed}

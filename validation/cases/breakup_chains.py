@@ -44,10 +44,7 @@ def measure(context: Context, n: int):
         found[f"{cutoff:g}"] = [
             bond_tensions(chain(m), bonds(m), Held(asked, chain(m)).forces() / unit) for m in LENGTHS
         ]
-    strength = (
-        asked.effects.get("jkr").kernel(asked.reduced, asked.suspension, asked.effects).pull_off_force
-        * asked.reduced.force
-    )
+    strength = asked.kernels.contact.pull_off_force * asked.reduced.force
     return found | {"strength": strength / (math.pi * asked.suspension.radius**2)}
 
 

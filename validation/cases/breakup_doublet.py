@@ -34,7 +34,7 @@ def doublet(scene, angle: float):
     """Two primaries at rest in contact, in the plane of shear at `angle` from the flow."""
     import mcdem
 
-    gap = scene.effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
+    gap = scene.kernels.contact.equilibrium_gap
     half = (1.0 + 0.5 * gap) * scene.suspension.radius * np.array([0.0, math.sin(angle), math.cos(angle)])
     return mcdem.Aggregate(np.array([-half, half]), np.array([[0, 1]], np.int32))
 
@@ -60,7 +60,7 @@ def measure(context: Context, part):
 
     cutoff, reading = part
     still = scene(cutoff, reading)
-    jkr = still.effects.get("jkr").kernel(still.reduced, still.suspension, still.effects)
+    jkr = still.kernels.contact
     adhesion = jkr.pull_off_force * still.reduced.force
     limit = adhesion / (math.pi * still.suspension.radius**2)
     found = {"cutoff": cutoff, "reading": reading, "limit": limit}

@@ -30,10 +30,7 @@ def measure(context: Context, part):
     scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
     x, bonds = fractal(doublings, DIMENSION, 100 * context.seed + number)
     worst = largest_tension(Held(scene, x, welded=True), lambda forces: tree_tensions(x, bonds, forces))
-    adhesion = (
-        scene.effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects).pull_off_force
-        * scene.reduced.force
-    )
+    adhesion = scene.kernels.contact.pull_off_force * scene.reduced.force
     gyration = math.sqrt(float((x**2).sum(axis=1).mean()))
     stress = scene.flow.shear_stress * adhesion / worst
     return [

@@ -79,10 +79,7 @@ def broken_at(kind: str, size: int, number: int, bonds: str):
 
     x, contacts = geometry(kind, size, number)
     still = scene(STATICS, bonds)
-    strength = (
-        still.effects.get("jkr").kernel(still.reduced, still.suspension, still.effects).pull_off_force
-        * still.reduced.force
-    )
+    strength = still.kernels.contact.pull_off_force * still.reduced.force
     held = Held(still, x, welded=True)
     worst, turn = worst_orientation(held, lambda forces: tree_tensions(x, contacts, forces))
     by_statics = STATICS * strength / worst

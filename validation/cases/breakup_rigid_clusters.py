@@ -66,10 +66,7 @@ def measure(context: Context, part):
         return bond_tensions(positions, bonds, Held(at, positions / at.suspension.radius).forces())
 
     start = scene(500.0, modulus)
-    adhesion = (
-        start.effects.get("jkr").kernel(start.reduced, start.suspension, start.effects).pull_off_force
-        * start.reduced.force
-    )
+    adhesion = start.kernels.contact.pull_off_force * start.reduced.force
     first = statics(start, cluster(start).positions, cluster(start).bonds).max()
     calm = scene(500.0 * 0.5 * LOW_LOAD * adhesion / first, modulus)
     aggregate, record = cluster(calm), Recorder(interval=SAMPLE)

@@ -29,10 +29,7 @@ def scene(stress: float):
 
 
 def adhesion(scene) -> float:
-    return (
-        scene.effects.get("jkr").kernel(scene.reduced, scene.suspension, scene.effects).pull_off_force
-        * scene.reduced.force
-    )
+    return scene.kernels.contact.pull_off_force * scene.reduced.force
 
 
 def parts(context: Context):

@@ -40,7 +40,7 @@ def measure(context: Context, attraction: float):
     from validation.exact import two_spheres
 
     full, paper = (scene(attraction, cutoff) for cutoff in (0.0, PAPER))
-    plain = {"far_approach": 0.0, "rigid_rotation": False, "end_inert": False}
+    plain = {"far_approach": 0.0, "rigid_rotation": False, "end_stable": False}
     fine = full.with_changes(
         {f"numerics.{key}": value for key, value in plain.items()} | {"numerics.implicit.max_step": 0.025}
     )

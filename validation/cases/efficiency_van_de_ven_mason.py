@@ -58,7 +58,7 @@ def critical_offset():
     full = mcdem.load_scene("scenes/paper-1000Pa.toml").with_changes(
         {"hydrodynamics.lubrication_cutoff": 0.0}
     )
-    shortcuts = {"far_approach": 0.0, "separation": 0.0, "rigid_rotation": False, "end_inert": False}
+    shortcuts = {"far_approach": 0.0, "separation": 0.0, "rigid_rotation": False, "end_stable": False}
     refined = full.with_changes(
         {f"numerics.{key}": value for key, value in shortcuts.items()} | {"numerics.implicit.max_step": 0.025}
     )

@@ -17,7 +17,8 @@ def effects_of(scene):
     from mcdem.encounter import simulate as encounter
 
     _, physics = encounter.physics_of(scene)
-    return physics.jkr, physics.van_der_waals
+    (attraction,) = physics.pair_forces
+    return physics.contact, attraction
 
 
 def measure(context: Context):

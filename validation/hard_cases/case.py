@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 PAPER = Path(__file__).parents[2] / "scenes" / "paper-1000Pa.toml"
 """The scene that the cases change."""
 
-Scheme = Literal["implicit", "paper"]
+Scheme = Literal["implicit", "explicit_euler"]
 
 
 class Finding(NamedTuple):
@@ -162,10 +162,10 @@ class Course:
 
     def refined(self, factor: float) -> Watched:
         """The same by shorter steps, with the far field renewed as much sooner."""
-        numerics = self.scene.numerics
+        keys = self.scene.numerics.of("implicit")
         tighter = {
-            "numerics.implicit.max_step": factor * numerics.implicit.max_step,
-            "numerics.implicit.far_field_tolerance": factor * numerics.implicit.far_field_tolerance,
+            "numerics.implicit.max_step": factor * keys.max_step,
+            "numerics.implicit.far_field_tolerance": factor * keys.far_field_tolerance,
         }
         return watch(self.scene.with_changes(tighter), self.start, self.case.strain)
 
@@ -238,7 +238,7 @@ class Ensemble:
 
     def judge(self) -> Iterator[Finding]:
         scene = load_scene(PAPER).with_changes(self.changes)
-        step = scene.numerics.implicit.max_step
+        step = scene.numerics.step
         pair = [
             self.results(scene.with_changes({"numerics.implicit.max_step": factor * step}))
             for factor in (1.0, self.finer)

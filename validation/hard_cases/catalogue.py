@@ -49,19 +49,19 @@ GRAZING: list[Case] = [
 
 CONTACTS: list[Case] = [
     Encounter(f"contact at h = {gap:g} a", "gives positions of primaries that just touch, or just do not",
-              doublet(gap), monomer, offset=(0.3, 0.6), schemes=("implicit", "paper"), strain=3.0)
+              doublet(gap), monomer, offset=(0.3, 0.6), schemes=("implicit", "explicit_euler"), strain=3.0)
     for gap in (-1e-9, 1e-9)
 ] + [
     Encounter(f"contact at pull-off {excess:+g} a", "gives a contact stretched to where it ends", at_pull_off(excess),
-              monomer, offset=(0.3, 0.6), schemes=("implicit", "paper"), strain=3.0)
+              monomer, offset=(0.3, 0.6), schemes=("implicit", "explicit_euler"), strain=3.0)
     for excess in (-1e-9, 1e-9)
 ] + [
     Encounter(f"neighbours {gap:g} a apart, not in contact", "names the contacts of a cluster, and leaves one out",
-              bent(gap), monomer, offset=(0.3, 0.6), schemes=("implicit", "paper"), strain=2.0)
+              bent(gap), monomer, offset=(0.3, 0.6), schemes=("implicit", "explicit_euler"), strain=2.0)
     for gap in (1e-8, 1e-4)
 ] + [
     Encounter("overlap of 1e-3 a", "positions from another program, rounded", doublet(-1e-3), monomer,
-              offset=(0.3, 0.6), schemes=("implicit", "paper"), strain=3.0),
+              offset=(0.3, 0.6), schemes=("implicit", "explicit_euler"), strain=3.0),
     Refused("overlap of 0.5 a", "positions in the wrong units",
             lambda scene: doublet(-0.5)(scene), "move them apart"),
     Refused("a number that is none", "positions from a program that failed",
@@ -97,7 +97,7 @@ MATERIAL: list[Case] = [
     Encounter("stiff and strongly attracted", "E = 1 TPa and A_H = 1e-18 J at once", *TETRAHEDRON, changes={
               "effects.jkr.elastic_modulus": "1 TPa", "effects.van_der_waals.hamaker_constant": "1e-18 J"}),
     Encounter("the paper's scheme, E = 10 MPa", "explicit steps where contacts are soft", *MOTES, offset=(0.0, 0.25),
-              changes={"effects.jkr.elastic_modulus": "10 MPa"}, schemes=("implicit", "paper"), strain=1.5),
+              changes={"effects.jkr.elastic_modulus": "10 MPa"}, schemes=("implicit", "explicit_euler"), strain=1.5),
     Encounter("attraction left out", "removes [effects.van_der_waals]", *TETRAHEDRON,
               changes={"effects.van_der_waals": None}, quick=False),
     Encounter("contacts left out", "removes [effects.jkr]: primaries pass", *MOTES, offset=(0.0, 0.25),
@@ -106,8 +106,8 @@ MATERIAL: list[Case] = [
 
 LEVELS: list[Case] = [
     Encounter(f"{level}, {name}", "leaves out a part of the hydrodynamics", *shapes, offset=offset, strain=3.0,
-              changes=level_changes(level), schemes=("implicit", "paper"), quick=False, expected={
-                  "overlap bounded (paper)": "without lubrication a snap-in is over within the base step of 1 us, "
+              changes=level_changes(level), schemes=("implicit", "explicit_euler"), quick=False, expected={
+                  "overlap bounded (explicit_euler)": "without lubrication a snap-in is over within the base step of 1 us, "
                   "which carries the primaries past their contact"})
     for level in ("free_draining", "rotne_prager", "fts")
     for name, shapes, offset in (

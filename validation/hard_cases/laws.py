@@ -14,9 +14,11 @@ import numpy as np
 import xarray as xr
 from scipy import stats
 
-from mcdem.effects import contact_force, non_contact_force
+from mcdem.effects.sums import contact_force, contact_pull_off_gap, non_contact_force
 from mcdem.encounter.simulate import OUTCOMES, classify, physics_of
-from mcdem.hydrodynamics import stokesian
+from mcdem.hydrodynamics import level as levels
+from mcdem.hydrodynamics.resistance import measure, workspace
+from mcdem.hydrodynamics.velocities import solve_velocities
 from mcdem.integrators import state
 
 if TYPE_CHECKING:
@@ -144,21 +146,8 @@ def dissipates(course: Course) -> Margin:
     worst = math.inf
     for positions, bonded in course.seen.states:
         forces, stresslet = direct_forces(course.scene, positions, bonded), np.empty((n, 5))
-        code, linear, _ = stokesian.solve_velocities(
-            stokesian.workspace(n),
-            positions,
-            np.ones(n),
-            flow.gradient,
-            flow.strain,
-            flow.strain_five,
-            forces,
-            np.zeros((n, 3)),
-            physics.cutoff,
-            physics.shifted,
-            physics.coupled,
-            physics.stresslets,
-            physics.table,
-            stresslet,
+        code, linear, _ = solve_velocities(
+            physics.level, workspace(n), positions, np.ones(n), flow, forces, np.zeros((n, 3)), stresslet
         )
         if code != 0:
             return -1.0, "the resistance matrix could not be factorised"
@@ -318,21 +307,19 @@ def distance(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
 
 def pull_off_gap(scene: Scene) -> float:
     """Gap [a] beyond which a contact is lost."""
-    jkr = scene.effects.get("jkr")
-    return jkr.kernel(scene.reduced, scene.suspension, scene.effects).pull_off_gap if jkr is not None else 0.0
+    return float(contact_pull_off_gap(1.0, physics_of(scene)[1].contact))
 
 
 def resistance(scene: Scene, positions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Resistance (6N, 6N) of spheres at positions (N, 3) [a], as the engine factorises it; reduced units."""
     flow, physics = physics_of(scene)
     n = len(positions)
-    work, radii = stokesian.workspace(n), np.ones(n)
-    stokesian.measure(positions, work.directions, work.distances)
-    if stokesian.level_resistance(work, radii, physics.coupled, physics.stresslets) != 0:
+    work, radii = workspace(n), np.ones(n)
+    measure(positions, work.directions, work.distances)
+    if levels.resistance(physics.level, work, radii) != 0:
         return np.diag(np.r_[-1.0, np.ones(6 * n - 1)])  # not positive definite either
-    stokesian.level_drive(work, flow.strain_five, physics.stresslets)
-    if physics.table is not None:
-        stokesian.add_lubrication(work, radii, flow.strain, physics.cutoff, physics.shifted, physics.table)
+    levels.strain_drive(physics.level, work, flow.strain_five)
+    levels.two_body(physics.level, work, radii, flow.strain)
     lower = np.tril(work.resistance)
     return lower + np.tril(lower, -1).T
 
@@ -348,9 +335,9 @@ def direct_forces(
             apart = positions[i] - positions[j]
             r = float(np.linalg.norm(apart))
             if bonded[i, j]:
-                value, _ = contact_force(r - 2.0, 1.0, p.jkr, p.dmt)
+                value, _ = contact_force(r - 2.0, 1.0, p.contact)
             elif r < 3.0:
-                value, _ = non_contact_force(r - 2.0, 1.0, p.van_der_waals, p.double_layer, p.short_range)
+                value, _ = non_contact_force(r - 2.0, 1.0, p.pair_forces)
             else:
                 continue
             forces[i] += value * apart / r
@@ -370,7 +357,7 @@ def largest_force(course: Course) -> float:
         own = positions[course.start.parent == parent]
         span = max(span, float(np.linalg.norm(own - own.mean(axis=0), axis=1).max()) + 1.0)
     _, physics = physics_of(course.scene)
-    pull, _ = non_contact_force(0.0, 1.0, physics.van_der_waals, physics.double_layer, physics.short_range)
+    pull, _ = non_contact_force(0.0, 1.0, physics.pair_forces)
     return 0.5 * span * len(positions) + 6.0 * max(-pull, 0.0)
 
 
@@ -380,7 +367,7 @@ def depth(scene: Scene, load: float) -> float:
     low, high = 0.0, 2.0
     for _ in range(100):
         middle = 0.5 * (low + high)
-        force, _ = contact_force(-middle, 1.0, physics.jkr, physics.dmt)
+        force, _ = contact_force(-middle, 1.0, physics.contact)
         low, high = (middle, high) if force < load else (low, middle)
     return high
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mcdem.aggregates.aggregate import Aggregate
+from mcdem.effects.sums import contact_equilibrium, contact_pull_off_gap
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,12 +29,7 @@ def settled(scene: Scene, centres: ArrayLike, seed: int | None = 0) -> Aggregate
     """
     points = np.asarray(centres, float)
     bonds = sorted(cKDTree(points).query_pairs(2.0 + 1e-6))
-    contact = scene.effects.contact
-    gap = (
-        contact.kernel(scene.reduced, scene.suspension, scene.effects).equilibrium_gap
-        if contact is not None
-        else 0.0
-    )
+    gap, _ = contact_equilibrium(1.0, scene.kernels.contact)
     scaled = points * (1.0 + 0.5 * gap) * scene.suspension.radius
     aggregate = Aggregate.from_positions(scene, scaled, np.array(bonds).reshape(-1, 2))
     return aggregate if seed is None else aggregate.turned(np.random.default_rng(seed))
@@ -157,10 +153,6 @@ def at_pull_off(excess: float) -> Shape:
     """A doublet whose contact is stretched to its pull-off gap plus `excess` [a]."""
 
     def make(scene: Scene) -> Aggregate:
-        jkr = scene.effects.get("jkr")
-        assert jkr is not None
-        return doublet(jkr.kernel(scene.reduced, scene.suspension, scene.effects).pull_off_gap + excess)(
-            scene
-        )
+        return doublet(contact_pull_off_gap(1.0, scene.kernels.contact) + excess)(scene)
 
     return make

@@ -34,7 +34,7 @@ class Judged(NamedTuple):
 def warm_up() -> None:
     """Let both schemes be compiled, which is no case's fault."""
     mote = mcdem.Aggregate.monomer()
-    for scheme in ("implicit", "paper"):
+    for scheme in ("implicit", "explicit_euler"):
         scene = load_scene(PAPER).with_changes({"numerics.scheme": scheme, "numerics.rotations": 0})
         mcdem.simulate_encounter(scene, mote, mote, (0.0, 1.9 * scene.suspension.radius))
 

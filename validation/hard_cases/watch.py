@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mcdem.encounter.simulate import physics_of, scheme_of
+from mcdem.encounter.simulate import options_of, physics_of
 from mcdem.integrators import state
-from mcdem.integrators.implicit_midpoint import find_gaps, scratch
-from mcdem.integrators.time_loop import march, new_watch
+from mcdem.integrators.pairs import find_gaps
+from mcdem.integrators.scheme import scheme_of
+from mcdem.integrators.time_loop import Bounds, follow_steps, new_watch
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -88,12 +89,16 @@ def watch(scene: Scene, start: Start, strain: float, sampled: int = 4) -> Watche
         start.parent.astype(np.int64),
     )
     flow, physics = physics_of(scene)
-    implicit, paper = scheme_of(scene)
-    log, work, history = state.new_log(), scratch(n), state.new_history(motion)
+    options = options_of(scene)
+    work = scheme_of(options).workspace(n, False)
+    log, history = state.new_log(), state.new_history(motion)
     gaps = np.zeros((n, n))
     find_gaps(motion.positions, motion.radii, gaps)
     pairs = np.triu(np.ones((n, n), bool), 1)
     seen = Watched(motion.positions, motion.bonded)
+    group = state.Group(motion, history, gaps, work)
+    # Paused at once after each step; no bodies part, none settles.
+    bounds = Bounds(0.0, np.inf, -1.0, strain, scene.numerics.most_steps)
     keeper = new_watch(log, 0.0)
     due = 0.0
     while log.time[0] < strain - 1e-12:
@@ -101,24 +106,7 @@ def watch(scene: Scene, start: Start, strain: float, sampled: int = 4) -> Watche
             due += strain / sampled
             seen.states.append((motion.positions.copy(), motion.bonded.copy()))
         before = motion.bonded.copy()
-        # Paused at once after each step; no bodies part, none settles.
-        code = march(
-            motion,
-            history,
-            gaps,
-            work,
-            flow,
-            physics,
-            implicit,
-            paper,
-            log,
-            keeper,
-            0.0,
-            np.inf,
-            -1.0,
-            strain,
-            scene.numerics.most_steps,
-        )
+        code = follow_steps(group, flow, physics, options, log, keeper, bounds)
         seen.code = state.DONE if code == state.PAUSED else code
         seen.finite &= bool(np.isfinite(motion.positions).all())
         if seen.code != state.DONE or not seen.finite:
