@@ -156,3 +156,11 @@ else:
         __doc__=EffectsOfScene.__doc__,
         **{name: (effect.table | None, None) for name, effect in EFFECTS.items()},
     )
+
+
+def __getattr__(name: str) -> Any:
+    """The table of an effect by the name of its class: `from mcdem.effects import JKR`."""
+    for effect in EFFECTS.values():
+        if effect.table.__name__ == name:
+            return effect.table
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -22,7 +22,7 @@ from mcdem.monte_carlo.process import run
 from mcdem.quantities import units
 from mcdem.scene import Flow, Run, Scene, Suspension
 
-PAPER = Path(__file__).resolve().parent.parent / "scenes" / "paper-1000Pa.toml"
+PAPER = Path(__file__).parents[2] / "scenes" / "paper-1000Pa.toml"
 SCENE = mcdem.load_scene(PAPER)
 RADIUS = SCENE.suspension.radius
 MONOMER = Aggregate.monomer()
