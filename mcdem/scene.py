@@ -231,14 +231,15 @@ class Numerics(Table):
     far_field_lag: Annotated[NonNegativeDimensionless, Field(le=1.0)] = 0.3
     """The far field is kept, turning along, until a separation changed by this share of its gap plus a radius; 0: never kept.
     From about 0.8 on what is foreseen from the last steps may run away."""
-    far_approach: NonNegativeDimensionless = 2.0
+    far_approach: NonNegativeDimensionless = 2.5
     """Two rigid aggregates approach as bodies with a stresslet down to this centre distance over R_i + R_j; 0 for never,
     as at levels of hydrodynamics without stresslets."""
     sure_miss: NonNegativeDimensionless = 0.5
     """Two rigid aggregates that came together as bodies pass as bodies if no two of their primaries come closer than this gap,
     in radii, and nothing can break; 0 for never.  The gap is foretold to about 0.1."""
     separation: NonNegativeDimensionless = 1.5
-    """Parts that recede from each other go on alone beyond this centre distance over R_i + R_j; 0 for never."""
+    """Parts go on alone beyond this centre distance over R_i + R_j once they surely do not come back to each other: beyond the
+    closed orbits, and on a path that the other would move by less than a hundredth of a radius; 0 for never."""
     rigid_rotation: bool = True
     """An aggregate without floppy modes turns as a rigid body while its load stays below `rigid_load_limit`."""
     end_inert: bool = True
@@ -248,7 +249,8 @@ class Numerics(Table):
     quiet_time: NonNegativeDimensionless = 1.0
     """Strain g t without a contact made or lost before an aggregate is taken as rigid."""
     longest_approach: PositiveDimensionless = 1000.0
-    """Strain g t after which an approach is given up and recorded as unresolved: it diverges as y0 goes to 0 (Eq. 21)."""
+    """Strain g t after which an approach is given up and recorded as unresolved: Eq. 21 diverges as y0 goes to 0.  Two primaries
+    draw each other in within 400, whatever y0 (closed orbits); aggregates may not."""
     most_steps: Annotated[int, Field(gt=0)] = 20_000_000
     """Steps after which an encounter is given up and recorded as unresolved."""
     paper_base_step: PositiveTime = 1e-6

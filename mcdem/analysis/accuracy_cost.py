@@ -32,7 +32,7 @@ from mcdem.encounter.capture_efficiency import Capture, fejer
 from mcdem.encounter.simulate import OUTCOMES, physics_of, simulate_encounter
 from mcdem.errors import UserError
 from mcdem.monte_carlo import executors
-from mcdem.monte_carlo.random_streams import stream
+from mcdem.quantities.random_streams import stream
 from mcdem.scene import Scene
 
 REFERENCE = "reference"

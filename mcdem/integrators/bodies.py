@@ -11,9 +11,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-# Rate of recession in the undisturbed flow, over the distance, from which bodies are on their way apart for good.
-RECEDING = 0.05
-
 
 @njit(cache=True)
 def label_bodies(bonded, labels):

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mcdem.integrators.bodies import RECEDING, centre_and_reach, label_bodies, mean_velocity
+from mcdem.integrators.bodies import label_bodies
 from mcdem.integrators.explicit_euler import advance_paper
 from mcdem.integrators.implicit_midpoint import advance
+from mcdem.integrators.parting import label_groups
 from mcdem.integrators.state import DONE, PARTED, PAUSED, SETTLED, TOO_MANY_STEPS
 
 # Strain between two looks at which bodies there are and whether they part.
@@ -32,32 +33,6 @@ class Watch(NamedTuple):
 def new_watch(log, quiet_since) -> Watch:
     """Watch over a group whose contacts last changed at `quiet_since`."""
     return Watch(log.time.copy(), log.last_bond_change.copy(), np.array([quiet_since]))
-
-
-@njit(cache=True)
-def all_parting(motion, labels, bodies, gradient, factor):
-    """Whether every two bodies are further apart than `factor` (R_i + R_j) and recede in the undisturbed flow too.
-
-    Pairs on nearly the same streamline may turn back (closed orbits): they are never let go.
-    """
-    first, second, v1, v2 = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    for a in range(bodies):
-        reach_a = centre_and_reach(motion.positions, motion.radii, labels, a, first)
-        mean_velocity(motion.velocities, labels, a, v1)
-        for b in range(a):
-            reach_b = centre_and_reach(motion.positions, motion.radii, labels, b, second)
-            mean_velocity(motion.velocities, labels, b, v2)
-            distance = receding = undisturbed = 0.0
-            for k in range(3):
-                d = first[k] - second[k]
-                distance += d * d
-                receding += d * (v1[k] - v2[k])
-                for m in range(3):
-                    undisturbed += d * gradient[k, m] * (first[m] - second[m])
-            limit = factor * (reach_a + reach_b)
-            if distance < limit * limit or receding <= 0.0 or undisturbed < RECEDING * distance:
-                return False
-    return True
 
 
 @njit(cache=True, inline="always")
@@ -91,7 +66,7 @@ def march(
 ):
     """Follow some primaries together; log.time is their clock.
 
-    separation : centre distance in R_i + R_j beyond which receding bodies have PARTED; 0: never
+    separation : centre distance in R_i + R_j beyond which bodies that never turn back have PARTED (`parting`); 0: never
     quiet_time : strain without a change of contacts after which a single body has SETTLED; inf: never
     pause : time from which on the next step returns PAUSED;  end : time at which all is DONE
     most : number of steps after which it is TOO_MANY_STEPS
@@ -107,8 +82,10 @@ def march(
             watch.look[0] = log.time[0] + LOOK_EVERY
             bodies = label_bodies(part.bonded, work.labels)
             if bodies > 1:
-                if separation > 0.0 and all_parting(part, work.labels, bodies, flow.gradient, separation):
-                    return PARTED
+                if separation > 0.0:
+                    groups = np.empty(work.labels.shape[0], np.int64)
+                    if label_groups(part, work.labels, bodies, flow.gradient, separation, groups) > 1:
+                        return PARTED
             elif log.time[0] >= watch.quiet_since[0] + quiet_time - 1e-9:
                 return SETTLED
         if log.steps[0] >= most:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import threadpoolctl
 
 from mcdem.errors import UserError
-from mcdem.monte_carlo.random_streams import stream
+from mcdem.quantities.random_streams import stream
 
 if TYPE_CHECKING:
     from mcdem.aggregates.aggregate import Aggregate

@@ -36,10 +36,10 @@ from mcdem.monte_carlo import executors
 from mcdem.monte_carlo.event_selection import Meeting, PairSelection, pair_selection
 from mcdem.monte_carlo.executors import Encounter
 from mcdem.monte_carlo.population import Population, Product
-from mcdem.monte_carlo.random_streams import checked
 from mcdem.monte_carlo.record import Record
 from mcdem.monte_carlo.speculative_execution import Foresight
 from mcdem.netcdf.whole_files import locked
+from mcdem.quantities.random_streams import checked
 from mcdem.scene import Scene
 
 CHECKPOINT_EVERY = 60.0
