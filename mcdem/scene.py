@@ -83,14 +83,15 @@ class NumericsOfScene(Table):
     """Distance upstream at which the second aggregate starts, in units of R_i + R_j."""
     rotations: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1e6", "8")] = 8.0
     """Rotations N_rot that follow the approach (Eq. 21)."""
-    far_approach: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1e4", "2")] = 2.0
+    far_approach: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1e4", "2.5")] = 2.5
     """Two rigid aggregates approach as bodies with a stresslet down to this centre distance over R_i + R_j; 0 for never,
     as at levels of hydrodynamics without stresslets."""
     sure_miss: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1e4")] = 0.5
     """Two rigid aggregates that came together as bodies pass as bodies if no two of their primaries come closer than this gap,
     in radii, and nothing can break; 0 for never.  The gap is predicted to about 0.1."""
     separation: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1e4", "1.5")] = 1.5
-    """Parts that recede from each other go on alone beyond this centre distance over R_i + R_j; 0 for never."""
+    """Parts go on alone beyond this centre distance over R_i + R_j once they surely do not come back to each other: beyond the
+    closed orbits, and on a path that the other would move by less than a hundredth of a radius; 0 for never."""
     rigid_rotation: bool = True
     """An aggregate without floppy modes turns as a rigid body while its load stays below `rigid_load_limit`."""
     end_stable: bool = True
@@ -100,7 +101,8 @@ class NumericsOfScene(Table):
     quiet_time: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1e9", "1")] = 1.0
     """Strain g t without a contact made or lost before an aggregate is taken as rigid."""
     longest_approach: Annotated[float, DIMENSIONLESS.positive.between("1e-3", "1e9", "1000")] = 1000.0
-    """Strain g t after which an approach is given up and recorded as unresolved: it diverges as y0 goes to 0 (Eq. 21)."""
+    """Strain g t after which an approach is given up and recorded as unresolved: Eq. 21 diverges as y0 goes to 0.  Two primaries
+    draw each other in within 400, whatever y0 (closed orbits); aggregates may not."""
     most_steps: Annotated[int, Field(ge=1, le=10**15)] = 20_000_000
     """Steps after which an encounter is given up and recorded as unresolved."""
     event_selection: Literal["majorant_rejection", "inverse_transform"] = "majorant_rejection"

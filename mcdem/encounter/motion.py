@@ -5,7 +5,7 @@ shortcuts (`Shortcuts`, each with an off) skip what cannot change the outcome:
 
   far approach     two rigid aggregates come together as bodies with a stresslet (`approach`)
   sure miss        and pass each other so, if no two of their primaries come near each other
-  separate bodies  parts that recede from each other go on as smaller problems
+  separate bodies  parts that surely do not come back to each other go on as smaller problems (`parting`)
   rigid rotation   an aggregate without floppy modes turns as a rigid body until its load nears its strength (`rigid`)
   inert            a rigid aggregate that bears its worst orientation is done: nothing can happen to it alone
 
@@ -31,6 +31,7 @@ from mcdem.hydrodynamics.resistance import workspace
 from mcdem.hydrodynamics.undisturbed_flow import UndisturbedFlow, spin_component
 from mcdem.integrators.bodies import centre_and_reach, label_bodies
 from mcdem.integrators.pairs import find_gaps
+from mcdem.integrators.parting import label_groups
 from mcdem.integrators.scheme import scheme_of
 from mcdem.integrators.state import (
     DONE,
@@ -62,7 +63,7 @@ class Shortcuts(NamedTuple):
 
     far_approach: float  # centre distance up to which rigid aggregates approach as bodies; 0: off
     sure_miss: float  # gap in a between primaries beyond which rigid aggregates pass as bodies; 0: off
-    separation: float  # centre distance beyond which receding parts go on alone; 0: off
+    separation: float  # centre distance beyond which parts that never turn back go on alone; 0: off
     rigid_rotation: bool
     inert: bool
     load_limit: float  # largest load at which an aggregate is taken as rigid
@@ -133,9 +134,10 @@ def integrate(motion: Motion, course: Course) -> int:
         code = follow(part, members, course, posture)
         put_back(part, members, motion)
         if code == PARTED:
-            labels = np.empty(len(members), np.int64)
-            for body in range(label_bodies(part.bonded, labels)):
-                alone = members[labels == body]
+            labels, groups = np.empty((2, len(members)), np.int64)
+            bodies, separation = label_bodies(part.bonded, labels), course.shortcuts.separation
+            for group in range(label_groups(part, labels, bodies, course.flow.gradient, separation, groups)):
+                alone = members[groups == group]
                 if len(alone) > 1 or course.frames is not None:
                     waiting.append(Waiting(alone, course.now))
         elif code != DONE:
@@ -277,7 +279,7 @@ def note_load(log: Log, body: RigidBody, load: float) -> None:
 class RigidPair:
     """Two rigid aggregates on their way, and what they turn about.
 
-    turns (2, 3, 3) and centres (2, 3) are where they are now; reach : R_i + R_j
+    turns (2, 3, 3) and centres (2, 3) are where they are now; reaches (2,) : R_i and R_j
     """
 
     parts: list[Motion]
@@ -286,7 +288,7 @@ class RigidPair:
     turns: NDArray[np.float64]
     centres: NDArray[np.float64]
     springs: list[NDArray[np.float64] | None]
-    reach: float
+    reaches: NDArray[np.float64]
 
     def show(self, course: Course) -> None:
         """Write the frames that are due."""
@@ -312,17 +314,17 @@ def rigid_pair(motion: Motion, physics: Physics) -> RigidPair | None:
     """The two aggregates of an encounter as bodies; None if one of them is not rigid."""
     members = [np.nonzero(motion.parent == which)[0] for which in (0, 1)]
     parts = [take(motion, m) for m in members]
-    bodies, centres, reach = [], np.empty((2, 3)), 0.0
+    bodies, centres, reaches = [], np.empty((2, 3)), np.empty(2)
     for which, part in enumerate(parts):
         body, centres[which] = analysed(part, physics)
         if body is None:
             return None
         bodies.append(body)
-        reach += centre_and_reach(
+        reaches[which] = centre_and_reach(
             part.positions, part.radii, np.zeros(len(part.radii), np.int64), 0, np.empty(3)
         )
     springs = [None if part.springs is None else part.springs.copy() for part in parts]
-    return RigidPair(parts, members, bodies, np.stack([np.eye(3)] * 2), centres, springs, reach)
+    return RigidPair(parts, members, bodies, np.stack([np.eye(3)] * 2), centres, springs, reaches)
 
 
 def come_near(motion: Motion, course: Course) -> list[Waiting] | None:
@@ -342,7 +344,7 @@ def come_near(motion: Motion, course: Course) -> list[Waiting] | None:
             pair.centres,
             flow.gradient,
             flow.strain,
-            shortcuts.far_approach * pair.reach,
+            shortcuts.far_approach * pair.reaches.sum(),
             duration,
             RIGID_STEP,
             shortcuts.load_limit,
@@ -404,7 +406,8 @@ def pass_on(pair: RigidPair, course: Course, duration: float) -> tuple[bool, flo
         flow.gradient,
         flow.strain,
         shortcuts.sure_miss,
-        shortcuts.separation * pair.reach,
+        pair.reaches,
+        shortcuts.separation,
         duration,
         RIGID_STEP,
         shortcuts.load_limit,

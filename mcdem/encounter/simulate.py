@@ -43,6 +43,10 @@ PAPER_BREAKUP = frozenset({"parted", "exchange", "fragmentation"})
 STRICT_BREAKUP = frozenset({"exchange", "fragmentation"})
 """Breakup without pairs that touch and part as they came."""
 
+ARRIVED = 1.0
+"""Gap between primaries of both aggregates, over R_i + R_j, below which they have come to each other.  No two whose offset is
+within the circle of R_i + R_j pass each other further apart; one starts at several times that."""
+
 _REASONS = {
     state.NOT_POSITIVE_DEFINITE: "the resistance matrix could not be factorised",
     state.NOT_CONVERGED: "the contact forces of a step could not be found",
@@ -170,10 +174,10 @@ def _linear_algebra() -> threadpoolctl.ThreadpoolController:
 def start_of(
     scene: Scene, reach: float, offset: tuple[float, float]
 ) -> tuple[NDArray[np.float64], float, bool]:
-    """(centre of j at the start (3,) [m], g t_sim, whether the approach was cut) for an offset [m].
+    """(centre of j at the start (3,) [m], g t_sim, whether the approach may be cut) for an offset [m].
 
     g t_sim is the strain of the approach to the nearest point, |z0|/|y0| in simple shear, at most `longest_approach`, and
-    4 pi N_rot (Eq. 21).
+    4 pi N_rot (Eq. 21).  That is how long the undisturbed flow takes; two bodies draw each other in sooner where y0 is near 0.
     """
     numerics = scene.numerics
     if scene.flow.kind == "simple_shear":
@@ -262,7 +266,8 @@ def simulate_encounter(
     reason, kept = _REASONS.get(code, ""), None
     members: tuple[NDArray[np.intp], ...]
     contact = not math.isnan(log.first_contact[0])
-    if not reason and cut and not contact:
+    arrived = contact or float(log.smallest_gap[0]) * units.length < ARRIVED * reach
+    if not reason and cut and not arrived:
         reason = "the approach is longer than numerics.longest_approach"
     if reason:
         outcome, products = "unresolved", tuple(pair)

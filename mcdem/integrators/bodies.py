@@ -13,9 +13,6 @@ from numba import njit
 
 from mcdem.integrators.rotations import rotation
 
-# Rate of recession in the undisturbed flow, over the distance, from which bodies are on their way apart for good.
-RECEDING = 0.05
-
 
 @njit(cache=True)
 def label_bodies(bonded, labels):

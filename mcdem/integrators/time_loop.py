@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mcdem.integrators.bodies import RECEDING, centre_and_reach, label_bodies, mean_velocity
+from mcdem.integrators.bodies import label_bodies
+from mcdem.integrators.parting import label_groups
 from mcdem.integrators.scheme import advance
 from mcdem.integrators.state import DONE, PARTED, PAUSED, SETTLED, TOO_MANY_STEPS
 
@@ -33,36 +34,10 @@ def new_watch(log, quiet_since) -> Watch:
     return Watch(log.time.copy(), log.last_bond_change.copy(), np.array([quiet_since]))
 
 
-@njit(cache=True)
-def all_parting(motion, labels, bodies, gradient, factor):
-    """Whether every two bodies are further apart than `factor` (R_i + R_j) and recede in the undisturbed flow too.
-
-    Pairs on nearly the same streamline may turn back (closed orbits): they are never let go.
-    """
-    first, second, v1, v2 = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    for a in range(bodies):
-        reach_a = centre_and_reach(motion.positions, motion.radii, labels, a, first)
-        mean_velocity(motion.velocities, labels, a, v1)
-        for b in range(a):
-            reach_b = centre_and_reach(motion.positions, motion.radii, labels, b, second)
-            mean_velocity(motion.velocities, labels, b, v2)
-            distance = receding = undisturbed = 0.0
-            for k in range(3):
-                d = first[k] - second[k]
-                distance += d * d
-                receding += d * (v1[k] - v2[k])
-                for m in range(3):
-                    undisturbed += d * gradient[k, m] * (first[m] - second[m])
-            limit = factor * (reach_a + reach_b)
-            if distance < limit * limit or receding <= 0.0 or undisturbed < RECEDING * distance:
-                return False
-    return True
-
-
 class Bounds(NamedTuple):
     """When the steps of a group end; times in 1/g."""
 
-    separation: float  # centre distance in R_i + R_j beyond which receding bodies have PARTED; 0: never
+    separation: float  # centre distance in R_i + R_j beyond which bodies that never turn back have PARTED (`parting`); 0: never
     quiet_time: float  # strain without a change of contacts after which a single body has SETTLED; inf: never
     pause: float  # time from which on the next step returns PAUSED
     end: float  # time at which all is DONE
@@ -85,10 +60,10 @@ def follow_steps(group, flow, physics, options, log, watch, bounds):
             watch.look[0] = log.time[0] + LOOK_EVERY
             bodies = label_bodies(part.bonded, work.labels)
             if bodies > 1:
-                if bounds.separation > 0.0 and all_parting(
-                    part, work.labels, bodies, flow.gradient, bounds.separation
-                ):
-                    return PARTED
+                if bounds.separation > 0.0:
+                    groups = np.empty(work.labels.shape[0], np.int64)
+                    if label_groups(part, work.labels, bodies, flow.gradient, bounds.separation, groups) > 1:
+                        return PARTED
             elif log.time[0] >= watch.quiet_since[0] + bounds.quiet_time - 1e-9:
                 return SETTLED
         if log.steps[0] >= bounds.most_steps:

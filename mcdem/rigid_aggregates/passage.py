@@ -14,7 +14,7 @@ from numba import njit
 
 from mcdem.hydrodynamics.grand_mobility import five_tensor
 from mcdem.hydrodynamics.undisturbed_flow import spin_component
-from mcdem.integrators.bodies import RECEDING
+from mcdem.integrators.parting import surely_apart
 from mcdem.integrators.rotations import multiply, rotation, turn_back
 from mcdem.rigid_aggregates.statics import present_load
 
@@ -217,6 +217,7 @@ def pass_by(
     gradient,
     strain,
     margin,
+    reaches,
     apart,
     duration,
     step,
@@ -225,7 +226,8 @@ def pass_by(
     """Let two rigid bodies pass each other; (whether they surely miss, time passed, largest tension over strength, smallest gap).
 
     They surely miss if no two of their primaries come closer than `margin`, no contact ever bears more than `limit` of its
-    strength, and their centres recede, `apart` from each other, in the undisturbed flow too, or `duration` passes before.
+    strength, and they are surely apart (`parting`) at a distance of at least `apart` times the sum of their `reaches` (2,), or
+    `duration` passes before.
     turns (2, 3, 3) and centres (2, 3) are carried along as in `approach`.
     """
     velocities, spins = np.empty((2, 3)), np.empty((2, 3))
@@ -236,16 +238,10 @@ def pass_by(
         closest = min(closest, smallest_gap(first, second, turns, centres, radii_first, radii_second))
         if load > limit or closest < margin:
             return False, elapsed, largest, closest
-        distance, closing = closing_speed(centres, velocities)
-        if closing < 0.0 and distance > apart:
-            undisturbed = 0.0
-            for k in range(3):
-                for m in range(3):
-                    undisturbed += (
-                        (centres[1, k] - centres[0, k]) * gradient[k, m] * (centres[1, m] - centres[0, m])
-                    )
-            if undisturbed > RECEDING * distance * distance:
-                return True, elapsed, largest, closest
+        if surely_apart(
+            centres[1] - centres[0], velocities[1] - velocities[0], gradient, reaches[1], reaches[0], apart
+        ):
+            return True, elapsed, largest, closest
         h = min(step, duration - elapsed)
         step_together(first, second, turns, centres, gradient, strain, velocities, spins, h)
         elapsed += h

@@ -315,12 +315,23 @@ def test_an_offset_below_the_axis_is_the_mirror_image():
     assert above.first_contact_time == pytest.approx(below.first_contact_time, rel=1e-9)
 
 
-def test_no_offset_is_an_outcome_of_its_own():
-    result = encounter(PAPER, settled(tetrahedron), MONOMER, (0.5, 0.0))
+def test_an_approach_that_is_cut_before_they_meet_is_an_outcome_of_its_own():
+    cut = PAPER.with_changes({"numerics.longest_approach": 20.0, "numerics.rotations": 0.5})
+    result = encounter(cut, settled(tetrahedron), MONOMER, (0.5, 0.0))
     assert result.outcome == "unresolved"
     assert result.reason == "the approach is longer than numerics.longest_approach"
     assert [p.size for p in result.products] == [4, 1]
     assert [m.tolist() for m in result.members] == [[0, 1, 2, 3], [4]]
+
+
+@pytest.mark.parametrize(("x0", "outcome"), [(0.0, "aggregation"), (1.6, "missed")])
+def test_two_primaries_draw_each_other_in_where_the_undisturbed_flow_stands_still(x0, outcome):
+    """At y0 = 0 they start on a closed orbit at its furthest, dy/dt = (8/3) (a/z)^4 g a: they come, and the end is known."""
+    result = encounter(PAPER, offset=(x0, 0.0))
+    assert result.outcome == outcome
+    assert result.smallest_gap < 0.2 * RADIUS
+    if outcome == "aggregation":
+        assert 100.0 < result.first_contact_time * PAPER.flow.shear_rate < 400.0
 
 
 def test_steps_are_limited_in_words():

@@ -1,17 +1,20 @@
 """The report tells the run, its warnings and the comparison, in one file."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from small_runs import small_runs
 from typer.testing import CliRunner
 
+import mcdem
 from mcdem.analysis.dataset import Run, by_stress
 from mcdem.analysis.paper_comparison import Row, breakup_exponents, compare
 from mcdem.analysis.statistics import count_limits
 from mcdem.commands.main import app
-from mcdem.figures.report import dimensionless_groups, parameters, report, warnings
+from mcdem.figures.report import _too_long, dimensionless_groups, parameters, report, warnings
+from mcdem.quantities.linear_flows import draw_offset
 
 
 @pytest.fixture(scope="module")
@@ -124,3 +127,13 @@ def test_command_refuses_to_overwrite(tmp_path):
     refused = CliRunner().invoke(app, ["report", str(small_runs()[1]), "-o", str(page)])
     assert refused.exit_code == 2 and "--overwrite" in refused.output
     assert page.read_text() == "mine"
+
+
+def test_unresolved_approaches_are_told_with_their_share_of_the_flux():
+    """1.5 (z0/longest_approach)^2 by the integral of y over the strip; drawn offsets agree."""
+    scene = mcdem.load_scene("scenes/paper-1000Pa.toml").with_changes({"numerics.longest_approach": 50.0})
+    assert "carry 0.015 of the flux" in _too_long(SimpleNamespace(scene=scene))
+    rng = np.random.default_rng(1)
+    near = [draw_offset(scene.flow, 1.0, rng)[1] < 0.1 for _ in range(20_000)]
+    assert np.mean(near) == pytest.approx(0.015, abs=0.004)
+    assert _too_long(SimpleNamespace(scene=mcdem.load_scene("scenes/uniaxial-extension.toml"))) == ""

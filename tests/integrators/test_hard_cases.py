@@ -11,7 +11,7 @@ import pytest
 import mcdem
 from mcdem.scene import load_scene
 from validation.hard_cases import laws
-from validation.hard_cases.case import PAPER, Course, Encounter, Finding, Whole, worst
+from validation.hard_cases.case import PAPER, Course, Encounter, Finding, Shortcut, Whole, worst
 from validation.hard_cases.catalogue import CATALOGUE
 from validation.hard_cases.shapes import doublet, monomer, one_redundant_centres, shape, tetrahedron_centres
 from validation.hard_cases.table import Judged, markdown, warm_up
@@ -98,6 +98,21 @@ def test_laws_of_courses_see_what_breaks_them(case, monkeypatch):
     assert margin(laws.factorises) > 0
     monkeypatch.setattr(laws, "resistance", lambda scene, positions: np.diag([-1e-3, 1.0, 1.0]))
     assert margin(laws.factorises, states=piled) < 0
+
+
+def test_an_edge_that_a_shortcut_moves_is_broken_and_so_is_one_off_theory():
+    def edge(scene):
+        return 1.0 + 0.01 * scene.numerics.separation  # 1.015 with it, 1 without
+
+    def verdicts(moved, off_by):
+        case = Shortcut("moved", "", ("separation",), edge, moved, exact=lambda scene: 1.0, off_by=off_by)
+        return [finding.verdict for finding in case.judge()]
+
+    assert verdicts(0.02, 0.02) == ["holds", "holds"]
+    assert verdicts(0.01, 0.02) == ["broken", "holds"]
+    assert verdicts(0.02, 0.01) == ["holds", "broken"]
+    nowhere = Shortcut("nowhere", "", ("separation",), lambda scene: float("nan"), 0.1)
+    assert [finding.verdict for finding in nowhere.judge()] == ["broken"]
 
 
 def test_watching_sees_every_contact_made_and_lost(case):

@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from mcdem.monte_carlo.event_selection import EventSelection, encounter_rate, event_selection
+from mcdem.monte_carlo.event_selection import EventSelection, event_selection
+from mcdem.monte_carlo.event_selection.contract import encounter_rate
 from mcdem.monte_carlo.event_selection.majorant_rejection import BLOCK, MajorantRejection, capacity_for
 from mcdem.monte_carlo.population import Population
 from mcdem.monte_carlo.process import Process

@@ -23,12 +23,22 @@ if TYPE_CHECKING:
     from mcdem.aggregates.aggregate import Aggregate
     from mcdem.encounter.simulate import EncounterResult
     from mcdem.scene import Scene
+    from validation.hard_cases.edges import Edge
     from validation.hard_cases.shapes import Shape
 
 PAPER = Path(__file__).parents[2] / "scenes" / "paper-1000Pa.toml"
 """The scene that the cases change."""
 
 Scheme = Literal["implicit", "explicit_euler"]
+
+WITHOUT_SHORTCUTS: Mapping[str, Any] = {
+    "numerics.far_approach": 0.0,
+    "numerics.sure_miss": 0.0,
+    "numerics.separation": 0.0,
+    "numerics.rigid_rotation": False,
+    "numerics.end_inert": False,
+    "numerics.far_field_lag": 0.0,
+}
 
 
 class Finding(NamedTuple):
@@ -168,6 +178,44 @@ class Course:
             "numerics.implicit.far_field_tolerance": factor * keys.far_field_tolerance,
         }
         return watch(self.scene.with_changes(tighter), self.start, self.case.strain)
+
+
+@dataclass(frozen=True)
+class Shortcut:
+    """An edge at which a shortcut could lie, with it, without it, and by exact theory where there is one.
+
+    key : of [numerics], or several with the same purpose;  changes : of the paper's scene at 1000 Pa
+    edge : the number that the shortcut must not move;  moved : by how much it may, in parts of it, or outright if `outright`
+    exact : the same by theory;  off_by : by how much the edge with the shortcut may differ from it
+    """
+
+    name: str
+    story: str
+    keys: tuple[str, ...]
+    edge: Edge
+    moved: float
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    outright: bool = False
+    exact: Edge | None = None
+    off_by: float = 0.0
+    quick: bool = True
+
+    def judge(self) -> Iterator[Finding]:
+        scene = load_scene(PAPER).with_changes({**WITHOUT_SHORTCUTS, **self.changes})
+        defaults = type(scene.numerics)()
+        taken = scene.with_changes({f"numerics.{key}": getattr(defaults, key) for key in self.keys})
+        short = self.edge(taken)
+        pairs = [("as without the shortcut", self.edge(scene), self.moved)]
+        if self.exact is not None:
+            pairs.append(("as by exact theory", self.exact(taken), self.off_by))
+        for law, other, allowed in pairs:
+            size = 1.0 if self.outright else abs(other)
+            margin, words = laws.below(
+                abs(short - other),
+                allowed * size,
+                f"{short:.5g} for {other:.5g}, within {allowed * size:.2g}",
+            )
+            yield finding(self, law, 0, margin, words)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ import numpy as np
 import mcdem
 from mcdem.analysis.accuracy_cost import level_changes
 from validation.fuzz import FOUND
-from validation.hard_cases.case import Case, Encounter, Ensemble, Refused, Suspension
+from validation.hard_cases import edges
+from validation.hard_cases.case import Case, Encounter, Ensemble, Refused, Shortcut, Suspension
 from validation.hard_cases.shapes import (
     at_pull_off,
     ball_centres,
@@ -31,12 +32,12 @@ WITHOUT_ATTRACTION = {"effects.van_der_waals.hamaker_constant": "1e-60 J"}
 """None to speak of; the law stays, so that nothing is compiled for it."""
 
 GRAZING: list[Case] = [
-    Encounter("grazing, y0 = 1e-9 R", "starts almost on the streamline that never arrives", *MOTES,
-              offset=(0.0, 1e-9)),
+    Encounter("grazing, y0 = 1e-9 R", "starts almost where the undisturbed flow stands still", *MOTES,
+              offset=(0.0, 1e-9), outcomes=("aggregation",)),
     Encounter("grazing, clusters, y0 = 1e-9 R", "the same with clusters", *TETRAHEDRON,
               offset=(0.1, 1e-9)),
-    Encounter("no offset", "starts on the streamline that never arrives", *MOTES, offset=(0.9, 0.0),
-              outcomes=("unresolved",)),
+    Encounter("no offset", "starts where the undisturbed flow stands still; the two draw each other in", *MOTES,
+              offset=(0.9, 0.0), outcomes=("missed",)),
     Encounter("grazing, y0 = 1e-3 R", "gives it all the time it needs", *MOTES, offset=(0.0, 1e-3),
               changes={"numerics.longest_approach": 1e4}),
     Encounter("closed orbits", "two primaries that do not attract, started inside of the closed orbits", *MOTES,
@@ -160,4 +161,52 @@ SUSPENSIONS: list[Case] = [
         "population.initial": 20, "numerics.most_steps": 40}, 40, ("events",), unresolved=True),
 ]  # fmt: skip
 
-CATALOGUE: tuple[Case, ...] = (*GRAZING, *CONTACTS, *MATERIAL, *LEVELS, *CLUSTERS, *SUSPENSIONS, *FOUND)
+FULL_LUBRICATION = {"hydrodynamics.lubrication_cutoff": 0.0}
+AT_750 = {**FULL_LUBRICATION, "flow.shear_stress": "750 Pa"}
+FINE = {"numerics.max_step": 0.05}
+OCTAHEDRON = shape(np.vstack([np.eye(3), -np.eye(3)]) * np.sqrt(2.0), 3)
+NEAR_THE_ORBITS = tuple((x, y) for x in (0.3, 0.55) for y in (0.04, 0.08, 0.12, 0.16))
+
+SHORTCUTS: list[Case] = [
+    Shortcut("separation: caught when they come back", "two primaries that pass, turn back beyond 1.5 (R_i + R_j) and are caught",
+             ("separation",), edges.capture_offset(0.8, 0.05, 0.4), 2e-3, {**AT_750, **FINE},
+             exact=edges.exact_capture_offset(0.8, 0.05, 0.4), off_by=5e-3),
+    Shortcut("separation: caught when they come back, 1200 Pa", "the same at another stress and offset",
+             ("separation",), edges.capture_offset(0.6, 0.05, 0.6), 2e-3,
+             {**AT_750, **FINE, "flow.shear_stress": "1200 Pa"},
+             exact=edges.exact_capture_offset(0.6, 0.05, 0.6), off_by=5e-3, quick=False),
+    Shortcut("separation: clusters near the closed orbits", "aggregates that may come back", ("separation",),
+             edges.returns(*TETRAHEDRON, NEAR_THE_ORBITS), 0.5, outright=True, quick=False),
+    *[Shortcut(f"separation: stray at {offset}", "looks where two primaries go after they have passed", ("separation",),
+               edges.stray(offset, 60.0 if offset[1] > 0.5 else 30.0), 1e-2,
+               {**FULL_LUBRICATION, **WITHOUT_ATTRACTION, **FINE, "numerics.rotations": 6}, outright=True,
+               exact=lambda scene: 0.0, off_by=1e-2, quick=offset == (0.0, 1.5))
+      for offset in ((0.0, 1.5), (0.7, 0.5), (1.2, 0.25))],
+    Shortcut("far approach: edge of capture", "an offset at which hit and miss part", ("far_approach",),
+             edges.capture_offset(0.0, 0.4, 1.0), 1e-3, {**AT_750, **FINE},
+             exact=edges.exact_capture_offset(0.0, 0.4, 1.0), off_by=1e-3),
+    Shortcut("far approach: within the closed orbits", "starts where the two draw each other in, sooner than the flow does",
+             ("far_approach",), edges.capture_offset(0.9, 0.02, 0.4), 1e-2, {**AT_750, **FINE}),
+    Shortcut("lag: edge of contact of clusters", "an offset at which clusters just touch", ("far_field_lag",),
+             edges.touching_offset(*TETRAHEDRON, 0.2, 0.9), 5e-3, quick=False),
+    Shortcut("sure miss: edge of contact of clusters", "an offset at which clusters just touch",
+             ("far_approach", "sure_miss", "separation"), edges.touching_offset(*TETRAHEDRON, 0.2, 0.9), 1e-2, quick=False),
+    Shortcut("sure miss: a gap of half a radius", "clusters that pass at the gap from which on they pass as bodies",
+             ("far_approach", "sure_miss", "separation"), edges.passing_gap(*TETRAHEDRON, (0.0, 0.62)), 0.1, outright=True),
+    *[Shortcut(f"{name}: stress that breaks {what}", "a stress at which an aggregate just breaks", keys,
+               edges.breaking_stress(broken, low, high), 0.02, quick=False)
+      for name, keys in (("rigid rotation", ("rigid_rotation",)), ("inert", ("end_inert", "separation")))
+      for what, broken, low, high in (("a doublet", doublet(0.0), 500.0, 20000.0),
+                                      ("an octahedron", OCTAHEDRON, 500.0, 20000.0))],
+]  # fmt: skip
+
+CATALOGUE: tuple[Case, ...] = (
+    *GRAZING,
+    *CONTACTS,
+    *MATERIAL,
+    *LEVELS,
+    *CLUSTERS,
+    *SUSPENSIONS,
+    *SHORTCUTS,
+    *FOUND,
+)
