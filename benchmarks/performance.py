@@ -28,7 +28,7 @@ import threadpoolctl
 import mcdem
 from mcdem.analysis.accuracy_cost import draw_pairs, warm_up
 from mcdem.analysis.dataset import Run
-from mcdem.monte_carlo.random_streams import stream
+from mcdem.quantities.random_streams import stream
 from validation.hard_cases.shapes import ball_centres, settled
 
 SIZES = (2, 10, 30, 100)

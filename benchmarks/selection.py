@@ -31,9 +31,9 @@ from mcdem.monte_carlo.event_selection.inverse_transform import Inversion
 from mcdem.monte_carlo.event_selection.majorant_rejection import Clocks
 from mcdem.monte_carlo.population import Population
 from mcdem.monte_carlo.process import Process
-from mcdem.monte_carlo.random_streams import stream
 from mcdem.monte_carlo.record import Record
 from mcdem.monte_carlo.speculative_execution import DEPTH, QUEUE, Foresight
+from mcdem.quantities.random_streams import stream
 from mcdem.scene import Scene
 
 SCENE = """\

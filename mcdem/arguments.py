@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mcdem.errors import UserError
-from mcdem.monte_carlo.random_streams import LARGEST_SEED
+from mcdem.quantities.random_streams import LARGEST_SEED
 from mcdem.quantities.units import LENGTH, TIME, shown, si
 
 if TYPE_CHECKING:

@@ -31,8 +31,8 @@ from mcdem.encounter.simulate import EncounterResult, simulate_encounter
 from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo import executors
 from mcdem.monte_carlo.executors import Encounter, EngineError
-from mcdem.monte_carlo.random_streams import checked, stream
 from mcdem.netcdf.whole_files import FILES
+from mcdem.quantities.random_streams import checked, stream
 from mcdem.scene import Scene
 from pbekit import endings
 from pbekit.errors import PBEError

@@ -23,8 +23,8 @@ from pydantic_core import PydanticCustomError
 
 from mcdem.effects import Effects
 from mcdem.errors import SceneError
-from mcdem.monte_carlo.random_streams import LARGEST_SEED
 from mcdem.quantities.linear_flows import inflow_constant, turns_back
+from mcdem.quantities.random_streams import LARGEST_SEED
 from mcdem.quantities.toml_tables import FROM_THE_OTHERS, Key, Table, explain, keys, quantity_at, written
 from mcdem.quantities.units import (
     DIMENSIONLESS,

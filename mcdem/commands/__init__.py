@@ -14,7 +14,7 @@ from pydantic_core import PydanticCustomError
 
 from mcdem.arguments import MOST_EVENTS
 from mcdem.errors import UserError
-from mcdem.monte_carlo.random_streams import LARGEST_SEED
+from mcdem.quantities.random_streams import LARGEST_SEED
 from mcdem.quantities.units import Quantity, shown
 
 __all__ = [

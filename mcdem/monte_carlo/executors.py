@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import threadpoolctl
 
 from mcdem.errors import UserError
-from mcdem.monte_carlo.random_streams import stream
+from mcdem.quantities.random_streams import stream
 from pbekit import endings
 
 if TYPE_CHECKING:

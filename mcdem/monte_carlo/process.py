@@ -35,10 +35,10 @@ from mcdem.monte_carlo.event_selection import Meeting, PairSelection, pair_selec
 from mcdem.monte_carlo.executors import Encounter, EngineError
 from mcdem.monte_carlo.expected_output import MOST_UNCHANGED
 from mcdem.monte_carlo.population import Population, Product
-from mcdem.monte_carlo.random_streams import checked
 from mcdem.monte_carlo.record import Record
 from mcdem.monte_carlo.speculative_execution import Foresight
 from mcdem.netcdf.whole_files import FILES, RUN
+from mcdem.quantities.random_streams import checked
 from mcdem.scene import Scene
 from pbekit import endings
 

@@ -35,9 +35,9 @@ from mcdem.encounter.simulate import simulate_encounter
 from mcdem.errors import UserError
 from mcdem.monte_carlo import process as simulate
 from mcdem.monte_carlo.executors import Encounter, EngineError, local_processes, result_of, submit
-from mcdem.monte_carlo.random_streams import checked
 from mcdem.monte_carlo.record import reached
 from mcdem.netcdf.whole_files import FILES, INDEX
+from mcdem.quantities.random_streams import checked
 from mcdem.quantities.units import shown
 from mcdem.scene import Scene
 from pbekit import endings

@@ -17,7 +17,7 @@ from mcdem.monte_carlo.event_selection import PairSelection, encounter_rate, pai
 from mcdem.monte_carlo.event_selection.majorant_rejection import BLOCK, Clocks, capacity_for
 from mcdem.monte_carlo.population import Population
 from mcdem.monte_carlo.process import Process
-from mcdem.monte_carlo.random_streams import stream
+from mcdem.quantities.random_streams import stream
 
 SIGNIFICANCE = 1e-3
 WAYS = ("clocks", "inversion")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.monte_carlo.population import ConservationError, Population
-from mcdem.monte_carlo.random_streams import stream
+from mcdem.quantities.random_streams import stream
 
 
 def naive_moments(population: Population) -> tuple[float, float, float]:

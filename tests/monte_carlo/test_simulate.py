@@ -25,9 +25,9 @@ from mcdem.analysis.dataset import Run
 from mcdem.errors import UserError
 from mcdem.monte_carlo import process as simulate
 from mcdem.monte_carlo.process import Process
-from mcdem.monte_carlo.random_streams import stream
 from mcdem.monte_carlo.speculative_execution import BEGUN, PASSED, UNTOUCHED, Foresight, ready
 from mcdem.netcdf.comparison import differences
+from mcdem.quantities.random_streams import stream
 from mcdem.scene import load_scene
 
 EVENTS = 700

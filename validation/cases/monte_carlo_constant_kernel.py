@@ -25,7 +25,7 @@ def measure(context: Context, part):
     """Aggregates per primary of the start, primaries per volume against the start, and <P>, of each replica at the end."""
     import mcdem
     from mcdem.monte_carlo.process import Process
-    from mcdem.monte_carlo.random_streams import stream
+    from mcdem.quantities.random_streams import stream
     from validation.exact.encounters import constant_kernel
 
     initial, tau, doubling, replicas = part

@@ -41,7 +41,7 @@ def begin():
 def measure(context: Context, part):
     """(replicas, times, 3): aggregates per primary of the start, primaries per volume against the start, aggregates."""
     from mcdem.monte_carlo.process import Process
-    from mcdem.monte_carlo.random_streams import stream
+    from mcdem.quantities.random_streams import stream
     from validation.exact.encounters import sticking
 
     initial, threshold, replicas = part

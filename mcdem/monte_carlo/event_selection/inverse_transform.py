@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mcdem.monte_carlo.event_selection import Meeting, Meetings, encounter_rate
-from mcdem.monte_carlo.random_streams import stream
+from mcdem.quantities.random_streams import stream
 
 if TYPE_CHECKING:
     from mcdem.monte_carlo.population import Population

@@ -24,7 +24,7 @@ import numpy as np
 from numba import njit
 
 from mcdem.monte_carlo.event_selection import Meeting, Meetings, encounter_rate
-from mcdem.monte_carlo.random_streams import stream
+from mcdem.quantities.random_streams import stream
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
