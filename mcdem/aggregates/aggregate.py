@@ -236,9 +236,11 @@ def _refuse_apart(
     gaps = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1) - touching
     if gaps.max() <= APART * radius:
         return
-    jkr = scene.effects.jkr
-    reach = 2.0 * jkr.kernel(scene).pull_off_gap if jkr is not None else 0.0  # of soft contacts beyond APART
-    if gaps.max() > reach * radius:
+    contact = scene.effects.contact
+    reach = (
+        2.0 * contact.pull_off_gap(radius) if contact is not None else 0.0
+    )  # of soft contacts beyond APART
+    if gaps.max() > reach:
         i, j = pairs[gaps.argmax()]
         raise UserError(
             f"bonds: primaries {i} and {j} are a gap of {gaps.max() / radius:.3g} radii apart, expected touching ones: bring "

@@ -224,12 +224,9 @@ def _every_population(runs: Sequence[Run]) -> Iterator[Row]:
         yield Row("share with n_c between 5 and 6, P > 15", "all", 0.99, 1.0, *inside)
     settled = size > 3
     bonds = found["bond_count"].values
-    yield Row(
-        "share with 3P - 6 bonds, P > 3 (Table 2: 8 of 10)",
-        "0.80",
-        *share(8, 10)[1:],
-        *share_of_origins((bonds == 3 * size - 6)[settled], origin[settled]),
-    )
+    _, fewest, most = share(8, 10)
+    isostatic = share_of_origins((bonds == 3 * size - 6)[settled], origin[settled])
+    yield Row("share with 3P - 6 bonds, P > 3 (Table 2: 8 of 10)", "0.80", fewest, most, *isostatic)
     broken = pooled_breakups(runs, "paper")
     level = float(np.mean([average.mean for average in mean]))
     yield Row(

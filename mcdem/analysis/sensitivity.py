@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcdem.analysis.accuracy_cost import GIVEN, Pair, Sample, Setting, sampled
+from mcdem.analysis.statistics import mean_limits, share
 from mcdem.encounter.simulate import OUTCOMES
 from mcdem.monte_carlo.sweep import toml_value
 from mcdem.scene import Scene
@@ -30,6 +31,8 @@ class Difference:
     """One quantity under one setting, and how it differs from the scene as given.
 
     error : paired standard error of the difference; 0 where nothing was sampled
+    low, high : 95 % limits of `value`, which stay apart where no encounter differed; nan where nothing is sampled
+    differing : encounters in which the quantity differed
     """
 
     setting: Setting
@@ -40,6 +43,14 @@ class Difference:
     encounters: int
     cpu_time: float
     """[s] an encounter under the setting"""
+    low: float = float("nan")
+    high: float = float("nan")
+    differing: int = 0
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether the limits leave nought out."""
+        return self.low > 0.0 or self.high < 0.0
 
     @property
     def value(self) -> float:
@@ -71,7 +82,15 @@ def differences(
     def add(name: str, one: NDArray[np.float64], other: NDArray[np.float64]) -> None:
         spread = other - one
         error = float(spread.std(ddof=1)) / np.sqrt(count) if count > 1 else np.inf
-        found.append(Difference(setting, name, float(one.mean()), float(other.mean()), error, count, time))
+        low, high = limits_of(spread, is_share=name not in ("fragment", "geometry"))
+        changed = int(np.count_nonzero(spread))
+        if setting.name == GIVEN:
+            low = high = np.nan
+        found.append(
+            Difference(
+                setting, name, float(one.mean()), float(other.mean()), error, count, time, low, high, changed
+            )
+        )
 
     codes = [np.array([s.outcome for s in samples]) for samples in (given, changed)]
     for k, name in enumerate(OUTCOMES):
@@ -81,6 +100,26 @@ def differences(
     for name in ("fragment", "geometry"):
         add(name, *(np.array([getattr(s, name) for s in samples]) for samples in (given, changed)))
     return found
+
+
+def limits_of(spread: NDArray[np.float64], *, is_share: bool) -> tuple[float, float]:
+    """95 % limits of a mean of paired differences (n,).
+
+    Of shares, whose differences are 1, 0 and -1, Wilson's limits of gains and of losses are put together (Newcombe 1998, Zou &
+    Donner 2008), so that none of 60 is not nought.  Of other means Student's, and nan where none differs, or one alone: what
+    differs so seldom has no mean worth a limit.
+    """
+    count = len(spread)
+    if not is_share:
+        if np.count_nonzero(spread) < 2:
+            return float("nan"), float("nan")
+        mean, reach = mean_limits(spread)
+        return mean - reach, mean + reach
+    gain, loss = (share(int((sign * spread > 0.0).sum()), count) for sign in (1.0, -1.0))
+    value = gain[0] - loss[0]
+    low = value - np.hypot(gain[0] - gain[1], loss[2] - loss[0])
+    high = value + np.hypot(gain[2] - gain[0], loss[0] - loss[1])
+    return float(low), float(high)
 
 
 def vary(

@@ -58,7 +58,16 @@ def cost(
     from rich.console import Console
     from rich.progress import Progress
 
-    from mcdem.analysis.accuracy_cost import cheapest, measure, sample_for, settings_of
+    from mcdem.analysis.accuracy_cost import (
+        cheapest,
+        encounters_to_decide,
+        few_aggregates,
+        measure,
+        sample_for,
+        settings_of,
+        timed,
+    )
+    from mcdem.analysis.statistics import share
     from mcdem.commands import end_early
     from mcdem.commands.progress import NowAndThen
     from mcdem.figures.cost import draw_front
@@ -114,16 +123,22 @@ def cost(
             if len(prices) < 2:
                 raise
             cut_off = problem
+        else:
+            bar.update(task, description="times side by side")
+            prices = timed(loaded, prices, pairs, seed, crew.executor)
     terminal = Console(highlight=False)
     out = terminal if terminal.is_terminal else Console(highlight=False, width=WIDTH)
     out.print(told(prices, count))
     write(prices, table)
     draw_front(prices, figure, loaded.name, count)
     best = cheapest(prices, error)
+    if warning := few_aggregates(pairs):
+        out.print(f"Beware: {warning}.")
     if best is None:
         out.print(
-            f"No setting is shown to be within {error:g}: with {count} encounters the standard errors alone reach "
-            f"{max(p.deviation[1:].max() for p in prices):.2g}; take more, or a larger --error."
+            f"No setting is shown to be within {error:g}: of {count} encounters none that differs still leaves a share of "
+            f"{share(0, count)[2]:.2g} (95 %). It takes {encounters_to_decide(error)} without a difference, more with some: "
+            "raise --encounters, or --error."
         )
     else:
         changes = ", ".join(f"{k} = {v}" for k, v in best.setting.changes.items()) or "the scene as it is"
@@ -140,6 +155,9 @@ def told(prices: Sequence[Price], count: int):
     """The prices as a table for the terminal."""
     from rich.table import Table
 
+    from mcdem.analysis.accuracy_cost import REFERENCE
+    from mcdem.analysis.statistics import share
+
     table = Table(
         "setting",
         "CPU, ms",
@@ -149,16 +167,19 @@ def told(prices: Sequence[Price], count: int):
         "fragment",
         "geometry",
         "other outcome",
-        title=f"error against the reference, {count} encounters (+- one paired standard error)",
+        title=f"error against the reference, {count} encounters (below: 95 % limit); * changes physics, not only numerics",
     )
     for p in prices:
         errors = [
-            f"{e:.4f}" + (f" +- {d:.4f}" if d > 0.0 else "")
-            for e, d in zip(p.error, p.deviation, strict=True)
+            f"{e:.4f}" + (f" (below {limit:.2g})" if k and p.setting.name != REFERENCE else "")
+            for k, (e, limit) in enumerate(zip(p.error, p.limit, strict=True))
         ]
-        table.add_row(
-            p.setting.name, f"{1e3 * p.cpu_time:.1f}", f"{p.steps:.0f}", *errors, f"{p.differing:.1%}"
-        )
+        time = f"{1e3 * p.cpu_time:.1f}"
+        if p.time_error > 0.0:
+            time += f" +- {1e3 * p.time_error:.1f}"
+        low, high = share(round(p.differing * count), count)[1:]
+        name = p.setting.name + (" *" if p.setting.of_physics else "")
+        table.add_row(name, time, f"{p.steps:.0f}", *errors, f"{p.differing:.1%} ({low:.1%} to {high:.1%})")
     return table
 
 
@@ -169,9 +190,10 @@ def write(prices: Sequence[Price], path: Path) -> None:
 
     text = io.StringIO()
     rows = csv.writer(text)
-    names = [name for q in QUANTITIES for name in (f"error_{q}", f"standard_error_{q}")]
-    rows.writerow(["setting", "knob", "cpu_time_s", "steps", "other_outcome", *names])
+    names = [name for q in QUANTITIES for name in (f"error_{q}", f"standard_error_{q}", f"limit_{q}")]
+    rows.writerow(["setting", "knob", "cpu_time_s", "time_error_s", "steps", "other_outcome", *names])
     for p in prices:
-        values = [v for pair in zip(p.error, p.deviation, strict=True) for v in pair]
-        rows.writerow([p.setting.name, p.setting.knob, p.cpu_time, p.steps, p.differing, *values])
+        values = [v for row in zip(p.error, p.deviation, p.limit, strict=True) for v in row]
+        first = [p.setting.name, p.setting.knob, p.cpu_time, p.time_error]
+        rows.writerow([*first, p.steps, p.differing, *values])
     FILES.write(path, COST, text.getvalue())

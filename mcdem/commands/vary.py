@@ -122,18 +122,30 @@ def vary(
 
 def told(found: Sequence[Difference]) -> str:
     """The differences in words, a line each; those that are surely there are marked."""
-    lines = [f"{found[0].encounters} encounters; * where the difference is beyond two paired standard errors"]
+    from mcdem.analysis.accuracy_cost import GIVEN
+    from mcdem.analysis.sensitivity import ETA
+    from mcdem.analysis.statistics import share
+
+    count = found[0].encounters
+    lines = [f"{count} encounters; [95 % limits of the difference]; * where they leave nought out"]
     for name in dict.fromkeys(d.setting.name for d in found):
         of = [d for d in found if d.setting.name == name]
         lines.append(f"{name}  ({1e3 * of[0].cpu_time:.1f} ms)")
         for d in of:
-            if d.given == d.changed == 0.0 or d.given != d.given:
+            if d.given != d.given:
                 continue
-            spread = f" +- {d.error:.4f}" if d.error else ""
-            mark = " *" if d.error and abs(d.value) > 2.0 * d.error else ""
-            lines.append(
-                f"  {d.quantity:16s} {d.given:8.4f} -> {d.changed:8.4f}  {d.value:+.4f}{spread}{mark}"
-            )
+            line = f"  {d.quantity:16s} {d.given:8.4f} -> {d.changed:8.4f}"
+            if d.setting.name == GIVEN:
+                line = f"  {d.quantity:16s} {d.given:8.4f}"
+            elif d.quantity == ETA:
+                line += f"  {d.value:+.4f}"
+            elif not d.differing:
+                line += f"  none of {count} differs [at most {share(0, count)[2]:.1%} do]"
+            elif d.low == d.low:
+                line += f"  {d.value:+.4f} [{d.low:+.4f}, {d.high:+.4f}]{' *' * d.is_seen}"
+            else:
+                line += f"  {d.value:+.4f}, of one encounter"
+            lines.append(line)
     return "\n".join(lines)
 
 
@@ -144,10 +156,11 @@ def write(found: Sequence[Difference], path: Path) -> None:
     text = io.StringIO()
     rows = csv.writer(text)
     rows.writerow(
-        "setting key quantity as_given changed difference standard_error encounters cpu_time_s".split()
+        "setting key quantity as_given changed difference standard_error low high differing encounters cpu_time_s".split()
     )
     for d in found:
         rows.writerow(
-            [d.setting.name, d.setting.knob, d.quantity, d.given, d.changed, d.value, d.error, d.encounters, d.cpu_time]
+            [d.setting.name, d.setting.knob, d.quantity, d.given, d.changed, d.value, d.error,
+             d.low, d.high, d.differing, d.encounters, d.cpu_time]
         )  # fmt: skip
     FILES.write(path, VARY, text.getvalue())

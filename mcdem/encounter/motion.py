@@ -1,6 +1,6 @@
 """From the start of an encounter to its end.
 
-Without shortcuts this is one loop over the steps of the chosen scheme, all primaries together (`march`).  The
+Without shortcuts this is one loop over the steps of the chosen scheme, all primaries together (`time_loop`).  The
 shortcuts (`Shortcuts`, each with an off) skip what cannot change the outcome:
 
   far approach     two rigid aggregates come together as bodies with a stresslet (`approach`)

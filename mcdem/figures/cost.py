@@ -36,17 +36,17 @@ def draw_front(prices: Sequence[Price], path: Path, name: str, count: int) -> No
             }
             pairs.errorbar(time, [max(p.error[0], FLOOR) for p in of], **form)
             error = np.array([max(p.worst_sampled, FLOOR) for p in of])
-            spread = np.array([p.worst_deviation for p in of])
+            spread = np.array([max(p.limit[1:].max(), FLOOR) for p in of]) - error
             sampled.errorbar(
                 time,
                 error,
-                yerr=[np.minimum(spread, 0.9 * error), spread],
+                yerr=[np.zeros_like(spread), np.maximum(spread, 0.0)],
                 label=knob.replace("_", " "),
                 **form,
             )
         for axes, measure in (
             (pairs, lambda p: max(float(p.error[0]), FLOOR)),
-            (sampled, lambda p: max(p.worst_sampled + p.worst_deviation, FLOOR)),
+            (sampled, lambda p: max(float(p.limit[1:].max()), FLOOR)),
         ):
             best = front(shown, measure)
             axes.step(
@@ -76,7 +76,7 @@ def draw_front(prices: Sequence[Price], path: Path, name: str, count: int) -> No
         sampled.set(ylabel="largest error of outcome, fragment, geometry")
         legend(
             sampled,
-            f"{name}, {count} encounters\nbars: one paired standard error\nfront: error plus bar",
+            f"{name}, {count} encounters\nbars: up to the 95 % limit\nfront: of the limits",
             loc="center left",
             bbox_to_anchor=(1.0, 0.5),
         )

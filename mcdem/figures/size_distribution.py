@@ -91,7 +91,8 @@ def draw_by_primaries(numbers: xr.Dataset) -> Canvas:
     axes.set_ylim(0, None)
     legend(
         axes,
-        f"{total} aggregates, {count[0] / total:.0%} [{lowest[0]:.0%}, {highest[0]:.0%}] monomers\nbars: 95 %; band: over {numbers.attrs['snapshots']} snapshots",
+        f"{total} aggregates, {value[0]:.0%} [{lowest[0]:.0%}, {highest[0]:.0%}] monomers\n"
+        f"bars: 95 %; band: over {numbers.attrs['snapshots']} snapshots",
     )
     return figure
 

@@ -20,7 +20,7 @@ MOST_SNAPSHOTS = 8
 
 
 def static_load(runs: Sequence[Run]) -> Figure | None:
-    """Largest static tension over pull-off force against P; None where too few are rigid for a law (`statistics.OF_AGGREGATES`)."""
+    """Largest static tension over pull-off force against P; None where too few are rigid (`OF_AGGREGATES`)."""
     sizes, loads = [], []
     for run in runs:
         if run.scene.effects.contact is None:

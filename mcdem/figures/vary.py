@@ -32,7 +32,9 @@ def draw_differences(found: Sequence[Difference], path: Path, name: str) -> None
             panel.errorbar(
                 [scale * d.value for d in of],
                 [rows[d.setting.name] for d in of],
-                xerr=[1.96 * scale * d.error for d in of],
+                xerr=np.nan_to_num(
+                    [[scale * (d.value - d.low), scale * (d.high - d.value)] for d in of]
+                ).T.reshape(2, -1),
                 fmt="o",
                 markersize=3,
                 color=BLUE,

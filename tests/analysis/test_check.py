@@ -9,6 +9,7 @@ from scipy.integrate import quad
 from typer.testing import CliRunner
 
 import mcdem
+from mcdem.analysis.accuracy_cost import efficiency
 from mcdem.analysis.dimensionless_groups import check, contact_relaxation, doublet_share, tabor_number
 from mcdem.commands.main import app
 
@@ -54,7 +55,7 @@ def test_the_papers_scene(stress):
     assert "Brownian motion cannot matter" in words
     assert "the fluid's inertia cannot matter" in words
     assert "the particles' inertia cannot matter" in words
-    assert "eta_11 depends on delta" in words
+    assert "eta_11 may depend on delta" in words
     assert "dt_b is near the contact's relaxation time" in words
 
 
@@ -82,8 +83,8 @@ def test_every_scene_can_be_checked(path):
         ({"effects.jkr.surface_energy": "50 mJ/m^2"}, "work of adhesion", "note", "disagree"),
         ({"effects.jkr.elastic_modulus": "3 MPa"}, "Tabor", "fine", "JKR contacts are right"),
         ({"effects.jkr.elastic_modulus": "1000 GPa"}, "Tabor", "warning", "(below 0.1), the scene has JKR"),
-        ({"effects.van_der_waals.hamaker_constant": "1e-24 J"}, "van der Waals", "note", "may be left out"),
-        ({"hydrodynamics.lubrication_cutoff": 1e-4}, "cut-off delta over the gap", "fine", "hardly depends on delta"),
+        ({"effects.van_der_waals.hamaker_constant": "1e-24 J"}, "van der Waals", "note", "should hardly matter"),
+        ({"hydrodynamics.lubrication_cutoff": 1e-4}, "cut-off delta over the gap", "fine", "should hardly depend on delta"),
         ({"hydrodynamics.lubrication_cutoff": 0.0}, "cut-off delta over the gap", "note", "depends on l0 instead"),
         ({"hydrodynamics.lubrication_cutoff": 0.2}, "cut-off delta over l0/a", "warning", "little of lubrication is left"),
         ({"hydrodynamics.lubrication_cutoff": 1e-4}, "cut-off delta over l0/a", "note", "below the molecular roughness"),
@@ -111,30 +112,66 @@ def test_verdicts_follow_the_numbers(changes, start, verdict, words):
 DOUBLE_LAYER = {"debye_length": "10 nm", "relative_permittivity": 78.5, "condition": "constant_potential"}
 
 
+def charged(potential, stress="750 Pa"):
+    table = DOUBLE_LAYER | {"surface_potential": potential}
+    return scene().with_changes({"effects.double_layer": table, "flow.shear_stress": stress})
+
+
 @pytest.mark.parametrize(
-    ("potential", "stress", "verdict", "words"),
+    ("etas", "verdict", "words"),
     [
-        ("1 mV", "750 Pa", "note", "may be left out"),
-        ("60 mV", "750 Pa", "fine", "the flow pushes pairs through"),
-        ("60 mV", "30 Pa", "note", "hardly pushes pairs through"),
+        ((0.0748, 0.0749), "fine", "hardly changes captures"),
+        ((0.0581, 0.0749), "note", "changes captures (by more than 2 %: 0.0581 against 0.0749"),
+        ((0.0, 0.128), "warning", "keeps primaries apart"),
+        ((0.0, 0.0), "note", "nothing is captured"),
     ],
 )
-def test_a_double_layer_is_weighed_against_the_flow(potential, stress, verdict, words):
-    table = DOUBLE_LAYER | {"surface_potential": potential}
-    charged = scene().with_changes({"effects.double_layer": table, "flow.shear_stress": stress})
-    found = finding(charged, "largest repulsion")
+def test_the_verdict_on_a_double_layer_is_that_of_the_efficiencies(monkeypatch, etas, verdict, words):
+    monkeypatch.setattr("mcdem.analysis.dimensionless_groups.eta_with_and_without", lambda scene, key: etas)
+    found = finding(charged("60 mV"), "eta_11 with the double layer")
     assert (found.verdict, words in found.words) == (verdict, True), found
-    assert finding(charged, "kappa a").value == pytest.approx(50.0)
+    assert finding(charged("60 mV"), "kappa a").value == pytest.approx(50.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("potential", "stress", "verdict", "ratio"),
+    [
+        ("10 mV", "750 Pa", "fine", 1.0),
+        ("30 mV", "750 Pa", "note", 0.943),
+        ("60 mV", "30 Pa", "warning", 0.0),
+    ],
+)
+def test_a_double_layer_is_weighed_by_what_it_captures(potential, stress, verdict, ratio):
+    """Its force is 0.001, 0.02 and 2 of the viscous one: that it takes 6 % of the captures at 0.02 no bound on it would say."""
+    found = finding(charged(potential, stress), "eta_11 with the double layer")
+    assert found.verdict == verdict and found.value == pytest.approx(ratio, abs=0.02), found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("key", "start", "below", "above", "bounds"),
+    [
+        ("hydrodynamics.lubrication_cutoff", "cut-off delta over the gap", (5e-4, 1e-4), (2e-3, 1e-4), (0.01, 0.10)),
+        ("effects.van_der_waals.london_wavelength", "retardation", ("100 nm", "1 um"), ("20 nm", "1 um"), (0.01, 0.01)),
+    ],
+)  # fmt: skip
+def test_bounds_stand_where_the_efficiency_changes(key, start, below, above, bounds):
+    """eta_11 against that in the limit, on both sides of a bound: it differs by less than the first number below."""
+    apart = []
+    for now, limit in (below, above):
+        one, other = (efficiency(scene().with_changes({key: value}), 2) for value in (now, limit))
+        apart.append(abs(one / other - 1.0))
+    assert apart[0] < bounds[0] and apart[1] > bounds[1], apart
+    said = [finding(scene().with_changes({key: value}), start).words for value in (below[0], above[0])]
+    assert "should hardly" in said[0] and "may" in said[1]
 
 
 def test_the_barrier_without_attraction_is_the_double_layers_force_at_contact():
     """Hogg, Healy & Fuerstenau (1966): at constant potential pi eps psi^2 a kappa for h = 0, equal spheres of radius a."""
-    table = DOUBLE_LAYER | {"surface_potential": "25 mV"}
-    charged = scene().with_changes({"effects.double_layer": table, "effects.van_der_waals": None})
+    bare = charged("25 mV").with_changes({"effects.van_der_waals": None, "effects.jkr": None})
     exact = math.pi * 8.8541878e-12 * 78.5 * 0.025**2 * 5e-7 / 1e-8
-    assert finding(charged, "largest repulsion").value == pytest.approx(
-        exact / charged.reduced.force, rel=1e-3
-    )
+    assert finding(bare, "largest repulsion").value == pytest.approx(exact / bare.reduced.force, rel=1e-3)
 
 
 def test_dmt_contacts_are_known():

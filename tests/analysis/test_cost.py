@@ -42,10 +42,59 @@ def test_outcomes_that_swap_places_differ_one_by_one_but_not_in_the_mean():
     assert found.error[1] == 0.0 and found.deviation[1] > 0.0 and found.differing == pytest.approx(0.4)
 
 
-def priced(name, time, error, deviation=0.0):
+def priced(name, time, error, deviation=0.0, time_error=0.0, **changes):
+    errors = np.array([0.0, error, 0.0, 0.0])
+    setting = cost.Setting(name, name, {key.replace("__", "."): value for key, value in changes.items()})
     return cost.Price(
-        cost.Setting(name, name), np.array([0.0, error, 0.0, 0.0]), np.full(4, deviation), time, 1.0, 0.0
+        setting, errors, np.full(4, deviation), time, 1.0, 0.0, errors + 2.0 * deviation, time_error
     )
+
+
+def test_no_difference_is_not_no_error():
+    """Of 12 encounters without a difference the limit is 24 % (Wilson), of any mean as well as of the outcomes."""
+    ref = samples(["missed"] * 12, geometry=0.1)
+    found = cost.price(cost.Setting("same", "x"), 0.07, ref, 0.07, ref)
+    assert not found.error.any()
+    np.testing.assert_allclose(found.limit, [0.0, 0.242, 0.242, 0.0242], atol=1e-3)
+    assert cost.cheapest([found], 0.05) is None
+    assert 70 <= cost.encounters_to_decide(0.05) <= 75
+
+
+def test_limits_of_outcomes_hold_at_their_stated_rate():
+    """200 samples of 60 encounters of which 4 % differ: the distance of the outcomes is 4 %."""
+    rng = np.random.default_rng(0)
+    ref = samples(["missed"] * 60)
+    held = 0
+    for _ in range(200):
+        other = samples(["parted" if rng.random() < 0.04 else "missed" for _ in range(60)])
+        held += cost.price(cost.Setting("x", "x"), 1.0, other, 1.0, ref).limit[1] >= 0.04
+    assert held / 200 >= 0.92  # an upper limit: 97.5 % or, of so few, a little less
+
+
+def test_physics_and_differences_of_time_within_their_error_are_not_recommended():
+    given = priced(cost.GIVEN, 1.0, 0.0)
+    coarse = priced("two rotations", 0.2, 0.0, numerics__rotations=2.0)
+    level = priced("level", 0.1, 0.0, hydrodynamics__level="fts")
+    same = priced("off", 0.9, 0.0, time_error=0.2, numerics__rigid_rotation=False)
+    faster = priced("faster", 0.7, 0.0, time_error=0.2, numerics__max_step=1.0)
+    assert cost.cheapest([given, coarse, level, same], 0.05) is given
+    assert cost.cheapest([given, coarse, level, same, faster], 0.05) is faster
+
+
+def test_times_are_compared_side_by_side():
+    pairs = [(mcdem.Aggregate.monomer(), mcdem.Aggregate.monomer())] * 6
+    scene = PAPER.with_changes({"numerics.rotations": 0.1})
+    twins = [cost.Setting(name, name) for name in (cost.REFERENCE, cost.GIVEN, "twin")]
+    prices = [cost.price(setting, 1.0, REF, 1.0, REF) for setting in twins]
+    *_, given, twin = cost.timed(scene, prices, pairs)
+    assert given.cpu_time > 0.0 and given.time_error == 0.0
+    assert np.isfinite(twin.time_error) and twin.time_error > 0.0
+
+
+def test_a_sample_without_aggregates_is_told():
+    single, five = mcdem.Aggregate.monomer(), mcdem.Aggregate(np.zeros((5, 3)), np.zeros((0, 2), np.int32))
+    assert "only 1 of 4" in cost.few_aggregates([(single, single)] * 3 + [(single, five)])
+    assert cost.few_aggregates([(single, single), (single, five)]) == ""
 
 
 def test_without_a_reference_efficiency_there_is_no_error_of_it():

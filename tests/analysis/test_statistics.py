@@ -235,7 +235,7 @@ def called_steady(shape, memories, scatter, series=60, seed=11):
 @pytest.mark.parametrize(("memories", "scatter"), [(50, 0.05), (10, 0.20)])
 @pytest.mark.parametrize("shape", UNSTEADY)
 def test_what_changes_is_not_called_steady(shape, memories, scatter):
-    """The memory of <P> in our runs (a 50th or so), and a short noisy series: a power of 0.9 and more, 0.93 to 1 of 200 series."""
+    """The memory of <P> in our runs (a 50th or so), and a short noisy series: a power of 0.9 and more (0.93 to 1 seen)."""
     assert called_steady(UNSTEADY[shape], memories, scatter) <= 0.10
 
 

@@ -12,6 +12,7 @@ import mcdem
 from mcdem.analysis import accuracy_cost as cost
 from mcdem.analysis import sensitivity as vary
 from mcdem.commands.main import app
+from mcdem.commands.vary import told
 from mcdem.encounter.simulate import OUTCOMES
 
 PAPER = mcdem.load_scene("scenes/paper-1000Pa.toml")
@@ -36,6 +37,31 @@ def test_differences_are_signed_and_paired():
     assert value["breakup, strict"].value == value["breakup, strict"].error == 0.0
     assert value["aggregation"].error == pytest.approx(np.sqrt(0.1 * 0.9 / 9))
     assert value["geometry"].value == pytest.approx(-0.1) and value["geometry"].error == 0.0
+
+
+def test_none_of_sixty_is_not_nought():
+    given = samples(["missed"] * 60)
+    same = {d.quantity: d for d in vary.differences(cost.Setting("same", "x"), (0.07, 0.07), given, given)}
+    assert same["parted"].value == 0.0 and not same["parted"].is_seen
+    assert (same["parted"].low, same["parted"].high) == pytest.approx((-0.0602, 0.0602), abs=1e-4)
+    assert np.isnan(same["geometry"].low)
+    words = told(list(same.values()))
+    assert "none of 60 differs [at most 6.0% do]" in words and "+0.0000 " not in words.replace("eta_11", "")
+    other = samples(["missed"] * 40 + ["parted"] * 20)
+    found = {d.quantity: d for d in vary.differences(cost.Setting("other", "x"), (0.07, 0.07), given, other)}
+    assert found["parted"].is_seen and found["parted"].low > 0.2 and " *" in told(list(found.values()))
+
+
+@pytest.mark.parametrize(("gains", "losses"), [(0.10, 0.05), (0.02, 0.02), (0.20, 0.0)])
+def test_limits_of_paired_shares_hold_at_their_stated_rate(gains, losses):
+    """1000 samples of 200 encounters of which these shares change one way and the other."""
+    rng = np.random.default_rng(2)
+    held = 0
+    for _ in range(1000):
+        spread = rng.choice([1.0, -1.0, 0.0], 200, p=[gains, losses, 1.0 - gains - losses])
+        low, high = vary.limits_of(spread, is_share=True)
+        held += low <= gains - losses <= high
+    assert 0.92 <= held / 1000 <= 0.97
 
 
 def test_where_nothing_sticks_eta_11_has_no_relative_difference():

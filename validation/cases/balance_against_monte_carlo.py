@@ -103,7 +103,7 @@ CASE = Case(
     chapter=7,
     claim="The balance on a run's tabulated encounters gives that run's sizes back: the run cannot be told from a single run of "
     "the balance's own rules in a sample as large.",
-    source="notebooks/data: the longest run at 1000 Pa, and the table of its encounters with designed ones (its README counts both); "
+    source="notebooks/data: the longest run at 1000 Pa, and the table of its encounters with designed ones (README there); "
     "rules: pbekit/estimated_rates/closures.py, drawn one at a time by pbekit/solution/finite_population.py",
     tolerance="a rank among single runs above 2 %; late means within 15 %, some four times the scatter of single runs",
     measure=measure,

@@ -56,8 +56,8 @@ def without_shortcuts(given):
         {
             "numerics.far_approach": 0.0,
             "numerics.separation": 0.0,
-            "numerics.far_field_lag": 0.0,
-            "numerics.max_step": 0.25 * given.numerics.max_step,
+            "numerics.implicit.far_field_tolerance": 0.0,
+            "numerics.implicit.max_step": 0.25 * given.numerics.implicit.max_step,
         }
     )
 

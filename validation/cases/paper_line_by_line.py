@@ -30,7 +30,7 @@ EXPLAINED = {
     "erosion's share": "as of the largest fragment",
     "likeliest largest": "as of the largest fragment",
     "share of isolated primaries": "open: primaries of the start are all caught in the end, and what is torn off is caught again",
-    "mean size": "open: the paper's clusters are twice ours in number of primaries, if it did not choose large ones; nothing that was "
+    "mean size": "open: the paper's clusters have twice the primaries of ours, if it did not choose large ones; nothing that was "
     "tried makes ours larger (README, Against the paper)",
     "exponent of the solid fraction in the ellipsoid of points": "sensitivity says why: without the primaries' own inertia "
     "the ellipsoid of a small cluster is too small to hold them (solid fractions near 1); that of solid primaries agrees",
@@ -268,15 +268,15 @@ CASE = Case(
     claim="Every number that the paper's text states of its runs agrees with those of ours.",
     source="Frungieri & Vanni 2021, sections 3.1 to 3.3 and 4, Table 2; runs: those of --run, else notebooks/data; numbers and "
     "limits: mcdem/analysis/paper_comparison.py, as in `mcdem report`",
-    tolerance="one convention is judged for each number, the one nearest to the paper's words (mcdem/analysis/paper_comparison.py); others are shown "
-    "as sensitivity; the printed value with half a unit of its last digit, or its range, must meet our 95 % limits; steady numbers "
-    "only from runs that are steady by the stated test",
+    tolerance="one convention is judged for each number, the one nearest to the paper's words (mcdem/analysis/paper_comparison.py); others "
+    "are sensitivity; the printed value with half a unit of its last digit, or its range, must meet our 95 % limits; steady "
+    "numbers only from runs that are steady by the stated test",
     measure=measure,
     judge=judge,
     parts=parts,
     inputs=datasets.runs,
     seen=("clock_slow",),
     expected=Verdict.differs,
-    because="open: the steady population is smaller and narrower, with few primaries, growth still accelerates at 1000 Pa, and what breaks "
-    "depends less on stress; every other difference is that of a convention, and the row of sensitivity beside it says of which",
+    because="open: the steady population is smaller and narrower, with few primaries, growth still accelerates at 1000 Pa, and "
+    "what breaks depends less on stress; every other difference is that of a convention, told by the row of sensitivity beside it",
 )

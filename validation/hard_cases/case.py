@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
@@ -36,8 +37,8 @@ WITHOUT_SHORTCUTS: Mapping[str, Any] = {
     "numerics.sure_miss": 0.0,
     "numerics.separation": 0.0,
     "numerics.rigid_rotation": False,
-    "numerics.end_inert": False,
-    "numerics.far_field_lag": 0.0,
+    "numerics.end_stable": False,
+    "numerics.implicit.far_field_tolerance": 0.0,
 }
 
 
@@ -203,7 +204,7 @@ class Shortcut:
     def judge(self) -> Iterator[Finding]:
         scene = load_scene(PAPER).with_changes({**WITHOUT_SHORTCUTS, **self.changes})
         defaults = type(scene.numerics)()
-        taken = scene.with_changes({f"numerics.{key}": getattr(defaults, key) for key in self.keys})
+        taken = scene.with_changes({f"numerics.{key}": attrgetter(key)(defaults) for key in self.keys})
         short = self.edge(taken)
         pairs = [("as without the shortcut", self.edge(scene), self.moved)]
         if self.exact is not None:

@@ -163,7 +163,7 @@ SUSPENSIONS: list[Case] = [
 
 FULL_LUBRICATION = {"hydrodynamics.lubrication_cutoff": 0.0}
 AT_750 = {**FULL_LUBRICATION, "flow.shear_stress": "750 Pa"}
-FINE = {"numerics.max_step": 0.05}
+FINE = {"numerics.implicit.max_step": 0.05}
 OCTAHEDRON = shape(np.vstack([np.eye(3), -np.eye(3)]) * np.sqrt(2.0), 3)
 NEAR_THE_ORBITS = tuple((x, y) for x in (0.3, 0.55) for y in (0.04, 0.08, 0.12, 0.16))
 
@@ -187,7 +187,7 @@ SHORTCUTS: list[Case] = [
              exact=edges.exact_capture_offset(0.0, 0.4, 1.0), off_by=1e-3),
     Shortcut("far approach: within the closed orbits", "starts where the two draw each other in, sooner than the flow does",
              ("far_approach",), edges.capture_offset(0.9, 0.02, 0.4), 1e-2, {**AT_750, **FINE}),
-    Shortcut("lag: edge of contact of clusters", "an offset at which clusters just touch", ("far_field_lag",),
+    Shortcut("lag: edge of contact of clusters", "an offset at which clusters just touch", ("implicit.far_field_tolerance",),
              edges.touching_offset(*TETRAHEDRON, 0.2, 0.9), 5e-3, quick=False),
     Shortcut("sure miss: edge of contact of clusters", "an offset at which clusters just touch",
              ("far_approach", "sure_miss", "separation"), edges.touching_offset(*TETRAHEDRON, 0.2, 0.9), 1e-2, quick=False),
@@ -195,7 +195,7 @@ SHORTCUTS: list[Case] = [
              ("far_approach", "sure_miss", "separation"), edges.passing_gap(*TETRAHEDRON, (0.0, 0.62)), 0.1, outright=True),
     *[Shortcut(f"{name}: stress that breaks {what}", "a stress at which an aggregate just breaks", keys,
                edges.breaking_stress(broken, low, high), 0.02, quick=False)
-      for name, keys in (("rigid rotation", ("rigid_rotation",)), ("inert", ("end_inert", "separation")))
+      for name, keys in (("rigid rotation", ("rigid_rotation",)), ("inert", ("end_stable", "separation")))
       for what, broken, low, high in (("a doublet", doublet(0.0), 500.0, 20000.0),
                                       ("an octahedron", OCTAHEDRON, 500.0, 20000.0))],
 ]  # fmt: skip
