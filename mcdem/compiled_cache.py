@@ -5,7 +5,8 @@ reads or of a named tuple that it is given from another file, and would go on ru
 named by a hash of every source file on which compiled code depends: those that import numba, all that these import, and
 those that define a named tuple.  A `NUMBA_CACHE_DIR` set by the user, as on clusters, holds that folder.
 
-It is asked for whenever the package is imported, so it loads nothing and finds imports by their lines alone.
+It is asked for whenever the package is imported, so it loads nothing and finds imports by their lines alone.  Effects of other
+packages are compiled into ours: their files count too.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import hashlib
 import os
 import re
 import sys
+from importlib.metadata import entry_points
+from importlib.util import find_spec
 from pathlib import Path
 
 _TYPES_ONLY = re.compile(rb"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|[ \t]*\n)+", re.MULTILINE)
@@ -50,7 +53,23 @@ def digest(package: Path) -> str:
     for path, text in sorted(sources(package).items()):
         found.update(f"{path.relative_to(package).as_posix()} {len(text)}\n".encode())
         found.update(text)
+    for path in sources_of_others():
+        text = path.read_bytes()
+        found.update(f"{path.name} {len(text)}\n".encode())
+        found.update(text)
     return found.hexdigest()[:16]
+
+
+def sources_of_others(group: str = "mcdem.effects") -> list[Path]:
+    """The files of modules of other packages, or all of the packages, that give effects by an entry point."""
+    files: list[Path] = []
+    for module in sorted({entry.module for entry in entry_points(group=group)}):
+        spec = find_spec(module.partition(".")[0])
+        for folder in (spec and spec.submodule_search_locations) or ():
+            files += sorted(Path(folder).rglob("*.py"))
+        if spec is not None and spec.submodule_search_locations is None and spec.origin:
+            files.append(Path(spec.origin))
+    return files
 
 
 def sources(package: Path) -> dict[Path, bytes]:

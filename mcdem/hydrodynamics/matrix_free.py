@@ -132,11 +132,11 @@ def beyond(positions, i, j, reach):
 
 
 @njit(cache=True, parallel=True)
-def distant_load(positions, radii, rates, reach, level, load):
-    """load (6N,) += R rates of all pairs beyond `reach`."""
+def distant_load(positions, radii, rates, reach, table, cutoff, shifted, load):
+    """load (6N,) += R rates of all pairs beyond `reach`; a parallel loop takes no tuple that holds another, so that the level
+    comes in pieces.
+    """
     n = radii.shape[0]
-    # A parallel loop takes no tuple that holds another.
-    table, cutoff, shifted = level.lubrication, level.cutoff, level.shifted
     loads = np.zeros((SHARES, 6 * n))
     for share in prange(SHARES):
         raw, scalars, d = np.empty(lubrication.RAW), np.empty((11, 4)), np.empty(3)
@@ -150,10 +150,9 @@ def distant_load(positions, radii, rates, reach, level, load):
 
 
 @njit(cache=True, parallel=True)
-def distant_drive(positions, radii, reach, level, strain, drive):
+def distant_drive(positions, radii, reach, table, cutoff, shifted, strain, drive):
     """drive (6N,) += that of all pairs beyond `reach`."""
     n = radii.shape[0]
-    table, cutoff, shifted = level.lubrication, level.cutoff, level.shifted
     drives = np.zeros((SHARES, 6 * n))
     for share in prange(SHARES):
         raw, scalars, d = np.empty(lubrication.RAW), np.empty((11, 4)), np.empty(3)
@@ -167,10 +166,9 @@ def distant_drive(positions, radii, reach, level, strain, drive):
 
 
 @njit(cache=True, parallel=True)
-def pair_stresslets(positions, radii, rates, level, strain_five, out):
+def pair_stresslets(positions, radii, rates, table, cutoff, shifted, strain_five, out):
     """Two-body stresslets of all pairs, added to out (N, 5)."""
     n = radii.shape[0]
-    table, cutoff, shifted = level.lubrication, level.cutoff, level.shifted
     found = np.zeros((SHARES, n, 5))
     for share in prange(SHARES):
         raw, scalars, d = np.empty(lubrication.RAW), np.empty((11, 4)), np.empty(3)
@@ -206,7 +204,7 @@ class TwoBody:
             own,
             self.drive,
         )
-        distant_drive(positions, radii, RANGE, level, strain, self.drive)
+        distant_drive(positions, radii, RANGE, *level, strain, self.drive)
         self.near = _assembled(n, pairs, blocks, own)
         distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
         close = distance < NEAR
@@ -216,7 +214,7 @@ class TwoBody:
         """R rates, of all pairs."""
         load = self.near @ rates
         if self.level.lubrication is not None and rates.any():
-            distant_load(self.positions, self.radii, rates, RANGE, self.level, load)
+            distant_load(self.positions, self.radii, rates, RANGE, *self.level, load)
         return load
 
 
@@ -311,7 +309,7 @@ def solve_velocities(
     rates, gradient = x[5 * n :], flow.gradient
     stresslets = x[: 5 * n].reshape(n, 5).copy()
     if level.lubrication is not None:
-        pair_stresslets(positions, radii, rates, level, flow.strain_five, stresslets)
+        pair_stresslets(positions, radii, rates, *level, flow.strain_five, stresslets)
     vorticity = np.array(
         [gradient[2, 1] - gradient[1, 2], gradient[0, 2] - gradient[2, 0], gradient[1, 0] - gradient[0, 1]]
     )

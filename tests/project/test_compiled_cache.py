@@ -73,9 +73,9 @@ def test_numba_takes_the_folder():
 
 def test_of_mcdem_commands_and_figures_are_left_out():
     found = {str(path.relative_to(PACKAGE)) for path in sources(PACKAGE)}
-    assert {"effects/jkr.py", "hydrodynamics/stokesian.py", "stepping/state.py"} <= found
+    assert {"effects/jkr.py", "hydrodynamics/stokesian.py", "integrators/state.py"} <= found
     assert not [name for name in found if name.startswith(("commands/", "figures/"))]
-    assert not found & {"cli.py", "simulate.py", "report.py", "sweep.py"}
+    assert not found & {"monte_carlo/process.py", "monte_carlo/sweep.py", "figures/report.py"}
 
 
 def test_no_import_is_overlooked():
@@ -95,3 +95,16 @@ def test_no_import_is_overlooked():
                 module = ".".join(part for part in (start, node.module) if part)
                 wanted |= {module} | {f"{module}.{alias.name}" for alias in node.names}
         assert wanted <= imported(text.encode(), path, PACKAGE), path
+
+
+def test_files_of_an_effect_of_another_package_count(tmp_path, monkeypatch):
+    (tmp_path / "own_force.py").write_text("EFFECT = None\n")
+    info = tmp_path / "own_force-0.1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: own-force\nVersion: 0.1\n")
+    (info / "entry_points.txt").write_text("[mcdem.effects]\nown = own_force:EFFECT\n")
+    before = digest(PACKAGE)
+    monkeypatch.syspath_prepend(tmp_path)
+    with_it = digest(PACKAGE)
+    (tmp_path / "own_force.py").write_text("EFFECT = ...\n")
+    assert len({before, with_it, digest(PACKAGE)}) == 3

@@ -13,7 +13,14 @@ from mcdem.hydrodynamics import LEVELS
 from mcdem.integrators import MENU, SCHEMES
 
 ROOT = Path(__file__).parents[2]
-FILES = sorted(path for package in ("mcdem", "pbekit") for path in (ROOT / package).rglob("*.py"))
+OLD_NAMES = "renamed_keys.py"
+"""What names of before are called now, which is not to name a member."""
+FILES = sorted(
+    path
+    for package in ("mcdem", "pbekit")
+    for path in (ROOT / package).rglob("*.py")
+    if path.name != OLD_NAMES
+)
 MOST = 3
 """Files that may name a member: its own, the menu, and one more."""
 ENGLISH = {"born", "steric", "sliding", "rolling", "twisting", "rods", "implicit"}

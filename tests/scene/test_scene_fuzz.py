@@ -303,7 +303,7 @@ def test_a_fuzzed_value_can_be_read_at_every_key():
         "matrix",
         "implicit",
         "relative",
-        "clocks",
+        "inverse_transform",
         "stokesian",
         "constant_potential",
         "1e-20 J",
