@@ -31,7 +31,7 @@ from mcdem.netcdf.comparison import differences
 from mcdem.scene import load_scene
 
 EVENTS = 700
-SCRIPT = Path(__file__).with_name("run_synthetic.py")
+SCRIPT = Path(__file__).parents[1] / "helpers" / "run_synthetic.py"
 
 
 def run(path: Path, **options):
@@ -90,7 +90,7 @@ def mpi(*arguments: str) -> subprocess.CompletedProcess[str]:
     Open MPI wants to be told that two cores and a root user will do; other MPIs ignore these variables.
     """
     environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join([str(SCRIPT.parents[1]), str(SCRIPT.parent)]),
+        "PYTHONPATH": os.pathsep.join([str(SCRIPT.parents[2]), str(SCRIPT.parent)]),
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
         "SLURM_NTASKS": "3",
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
@@ -132,7 +132,7 @@ def test_the_ranks_of_mpiexec_give_the_same_dataset(reference, tmp_path, launche
 @needs_mpi
 def test_the_batch_script_gives_the_dataset_of_one_process(tmp_path):
     """The very script, and real encounters; SLURM would start it like this."""
-    root = SCRIPT.parents[1]
+    root = SCRIPT.parents[2]
     scene, one, three = root / "scenes" / "quickstart.toml", tmp_path / "one.nc", tmp_path / "three.nc"
     told = mpi("bash", str(root / "docs" / "cluster.sbatch"), str(scene), str(three), "--events", "60")
     assert told.returncode == 0, told.stderr
@@ -264,7 +264,7 @@ def test_inversion_goes_on_too(tmp_path):
 
 
 def start(path: Path, *options: str) -> subprocess.Popen[str]:
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(SCRIPT.parents[1]), str(SCRIPT.parent)])}
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(SCRIPT.parents[2]), str(SCRIPT.parent)])}
     return subprocess.Popen(
         [sys.executable, str(SCRIPT), str(path), *options, "--encounter", "slow_aggregation_and_breakup"],
         env=environment,

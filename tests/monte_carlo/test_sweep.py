@@ -21,7 +21,7 @@ from mcdem.monte_carlo.sweep import members, parse_setting, sweep
 from mcdem.netcdf.comparison import differences
 
 SETTINGS = {"flow.viscosity": ["75 mPa s", "100 mPa s"], "population.initial": ["30", "50"]}
-SCRIPT = Path(__file__).with_name("run_synthetic_sweep.py")
+SCRIPT = Path(__file__).parents[1] / "helpers" / "run_synthetic_sweep.py"
 
 
 def run(folder: Path, settings=SETTINGS, **options):
@@ -110,7 +110,7 @@ def test_a_wrong_value_is_refused_before_anything_runs(tmp_path):
 
 
 def start(folder: Path, workers: int, encounter: str) -> subprocess.Popen[str]:
-    paths = os.pathsep.join([str(SCRIPT.parents[1]), str(SCRIPT.parent)])
+    paths = os.pathsep.join([str(SCRIPT.parents[2]), str(SCRIPT.parent)])
     return subprocess.Popen(
         [sys.executable, str(SCRIPT), str(folder), str(workers), encounter],
         env=os.environ | {"PYTHONPATH": paths},
