@@ -257,7 +257,9 @@ except UserError as problem:
 
 def test_a_full_disk_leaves_the_last_state_usable(tmp_path):
     path = tmp_path / "run.nc"
-    script = FULL_DISK.format(paths=[str(Path(__file__).parent), *sys.path], path=str(path), size=300_000)
+    script = FULL_DISK.format(
+        paths=[str(Path(__file__).parents[1] / "helpers"), *sys.path], path=str(path), size=300_000
+    )
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=600)
     assert told.returncode == 0, told.stderr
     assert "cannot be written" in told.stdout and "MiB free" in told.stdout

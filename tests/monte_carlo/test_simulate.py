@@ -31,7 +31,7 @@ from mcdem.quantities.random_streams import stream
 from mcdem.scene import load_scene
 
 EVENTS = 700
-SCRIPT = Path(__file__).parents[1].joinpath("helpers", "run_synthetic.py")
+SCRIPT = Path(__file__).parents[1] / "helpers" / "run_synthetic.py"
 
 
 def run(path: Path, **options):

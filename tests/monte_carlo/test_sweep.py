@@ -21,7 +21,7 @@ from mcdem.monte_carlo.sweep import members, parse_setting, parse_settings, repl
 from mcdem.netcdf.comparison import differences
 
 SETTINGS = {"flow.viscosity": ["75 mPa s", "100 mPa s"], "population.initial": ["30", "50"]}
-SCRIPT = Path(__file__).parents[1].joinpath("helpers", "run_synthetic_sweep.py")
+SCRIPT = Path(__file__).parents[1] / "helpers" / "run_synthetic_sweep.py"
 
 
 def run(folder: Path, settings=SETTINGS, **options):
