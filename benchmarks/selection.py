@@ -1,7 +1,7 @@
-"""How the Monte Carlo scales: the cost of selecting an encounter, and what foresight computes in vain.
+"""How the Monte Carlo scales: the cost of selecting an encounter, and what speculative execution discards.
 
     python benchmarks/selection.py                   the cost per event at N = 1e3, 1e4, 1e5 and the paper's table up to 4000
-    python benchmarks/selection.py workers [N ...]   share in vain and use of 1 ... 1000 workers, by simulation
+    python benchmarks/selection.py workers [N ...]   share discarded and use of 1 ... 1000 workers, by simulation
 
 The encounters are stand-ins that keep a population like that of the paper at 1000 Pa steady (mean size about 20, a
 third of the aggregates free primaries): most reshape the two aggregates, some merge them, and what is too large breaks.
@@ -32,7 +32,7 @@ from mcdem.monte_carlo.event_selection.majorant_rejection import MajorantRejecti
 from mcdem.monte_carlo.population import Population
 from mcdem.monte_carlo.process import Process
 from mcdem.monte_carlo.record import Record
-from mcdem.monte_carlo.speculative_execution import DEPTH, QUEUE, Foresight
+from mcdem.monte_carlo.speculative_execution import DEPTH, QUEUE, SpeculativeExecution
 from mcdem.quantities.random_streams import stream
 from mcdem.scene import Scene
 
@@ -214,9 +214,9 @@ class SimulatedWorkers(Executor):
 
 
 def workers(numbers: Sequence[int]) -> None:
-    """Print what foresight achieves on simulated workers."""
+    """Print what speculative execution achieves on simulated workers."""
     print(f"looking {DEPTH} encounters ahead and queueing {QUEUE}, per worker")
-    print(f"{'N':>8}{'workers':>9}{'in vain':>10}{'use':>8}{'speed-up':>10}{'leader':>16}")
+    print(f"{'N':>8}{'workers':>9}{'discarded':>10}{'use':>8}{'speed-up':>10}{'leader':>16}")
     for number in numbers:
         for crew in (1, 2, 4, 8, 32, 100, 300, 1000):
             events = max(2000, 40 * crew)  # so many that the longest encounter of the last ones counts little
@@ -231,7 +231,7 @@ def workers(numbers: Sequence[int]) -> None:
                 return replace(encounter(radius, first, second, rng), cpu_time=duration)
 
             simulated = SimulatedWorkers(crew)
-            foresight = Foresight(
+            speculation = SpeculativeExecution(
                 compute,
                 simulated,
                 crew,
@@ -241,14 +241,14 @@ def workers(numbers: Sequence[int]) -> None:
             )
             began = time.process_time()
             for _ in range(events):
-                ahead = process.selection.ahead(foresight.depth)
-                found = foresight.result(ahead)
-                foresight.happened(process.encounter(ahead.meeting(0), found))
+                ahead = process.selection.ahead(speculation.depth)
+                found = speculation.result(ahead)
+                speculation.happened(process.encounter(ahead.meeting(0), found))
             leader = (time.process_time() - began) / events
-            in_vain = foresight.in_vain / (events + foresight.in_vain)
+            discarded = speculation.discarded / (events + speculation.discarded)
             speed = process.record.events["cpu_time"].sum() / simulated.now
             print(
-                f"{number:8d}{crew:9d}{in_vain:10.1%}{speed / crew:8.0%}{speed:10.1f}{1e6 * leader:10.0f} us/ev.",
+                f"{number:8d}{crew:9d}{discarded:10.1%}{speed / crew:8.0%}{speed:10.1f}{1e6 * leader:10.0f} us/ev.",
                 flush=True,
             )
 

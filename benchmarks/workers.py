@@ -37,7 +37,7 @@ class Turn(NamedTuple):
     elapsed: float
     """Wall-clock time [s]."""
     computed: int
-    in_vain: int
+    discarded: int
     cpu_time: float
     """Of the encounters that took place [s]."""
 
@@ -57,7 +57,7 @@ def continued(scene: Scene, copy: Path, until_event: int, executor: Executor, wo
     )
     with xr.open_datatree(copy) as tree:
         cpu_time = float(tree["events"]["cpu_time"][begun:].sum())
-    return Turn(done.elapsed, done.computed, done.computed_in_vain, cpu_time)
+    return Turn(done.elapsed, done.computed, done.discarded, cpu_time)
 
 
 def main() -> None:
@@ -74,7 +74,7 @@ def main() -> None:
     crews = (1, given.workers)
     turns: dict[int, list[Turn]] = {crew: [] for crew in crews}
     print(f"{given.dataset.name}: {begun} encounters, continued by {given.events}")
-    print(f"{'workers':>8}{'wall':>10}{'computed':>10}{'in vain':>9}{'CPU of encounters':>20}")
+    print(f"{'workers':>8}{'wall':>10}{'computed':>10}{'discarded':>9}{'CPU of encounters':>20}")
     with (
         tempfile.TemporaryDirectory() as folder,
         executors.local_processes(1) as one,
@@ -90,17 +90,17 @@ def main() -> None:
                 found = continued(scene, copies[crew], begun + given.events, pools[crew], crew)
                 turns[crew].append(found)
                 print(
-                    f"{crew:8d}{found.elapsed:8.1f} s{found.computed:10d}{found.in_vain:9d}{found.cpu_time:18.1f} s",
+                    f"{crew:8d}{found.elapsed:8.1f} s{found.computed:10d}{found.discarded:9d}{found.cpu_time:18.1f} s",
                     flush=True,
                 )
             if unlike := differences(*copies.values()):
                 raise SystemExit(f"the datasets differ: {unlike}")
     ratios = [one.elapsed / many.elapsed for one, many in zip(*turns.values(), strict=True)]
     many = turns[given.workers]
-    in_vain = sum(turn.in_vain for turn in many) / sum(turn.computed for turn in many)
+    discarded = sum(turn.discarded for turn in many) / sum(turn.computed for turn in many)
     print(
         f"{given.workers} workers are {statistics.median(ratios):.2f} times as fast as 1 (median of {len(ratios)}; "
-        f"{min(ratios):.2f} to {max(ratios):.2f}); {in_vain:.1%} of what they computed was in vain"
+        f"{min(ratios):.2f} to {max(ratios):.2f}); {discarded:.1%} of what they computed was discarded"
     )
 
 

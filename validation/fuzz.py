@@ -190,7 +190,7 @@ class _Encounter:
 def excused(trial: Trial, scene: Scene) -> bool:
     """Whether the scene's numerics are known not to bear it; what is left undone is then told by name.
 
-    Explicit steps have a limit of stability; and below the cut-off the reading "matrix" lets the strain squeeze a pair by
+    Explicit steps have a limit of stability; and below the cut-off the convention "matrix" lets the strain squeeze a pair by
     cutoff - h against a resistance that grows as 1/cutoff, without bound once contacts overlap by more than the cut-off.
     """
     overlap = -contact_equilibrium(1.0, scene.kernels.contact)[0]

@@ -9,11 +9,11 @@ A population is held ragged, as in a dataset's snapshots: the primaries of all a
 
 **Inertia-equivalent ellipsoid** (Frungieri & Vanni, Eq. 27): the homogeneous ellipsoid of the aggregate's mass and
 principal moments of inertia. Its squared semi-axes are five times the principal second moments of the mass. Two
-readings of "mass":
+conventions of "mass":
 
 - ``"points"``: the mass of a primary sits at its centre, as in their R_g (Eq. 25). No semi-axis is taken smaller
   than a primary's radius, so that monomers, doublets, straight chains and planar shapes have a finite ellipsoid.
-  This is the reading of their Table 2: over thousands of isostatic packings with the R_g and R of its 19-mer
+  This is the convention of their Table 2: over thousands of isostatic packings with the R_g and R of its 19-mer
   (18-mer), the aspect ratio reaches the printed 3.64 (2.90) with points and at most 3.3 (2.8) with solid primaries.
 - ``"spheres"``: each primary is a homogeneous sphere and adds its own a^2/5; nothing degenerates.
 

@@ -1,6 +1,6 @@
 """Breakup, read off the record of encounters.
 
-What counts as breakup, and of what, is a matter of reading, and decides its numbers, so every number comes under each:
+What counts as breakup, and of what, is a matter of convention, and decides its numbers, so every number comes under each:
 
 - ``"paper"``  : Frungieri & Vanni, section 2.1: two or more fragments after a collision, or a split without one:
   parted, exchange and fragmentation; the *parent* is both aggregates together once they touched, without contact the
@@ -9,7 +9,7 @@ What counts as breakup, and of what, is a matter of reading, and decides its num
   fragmentation;
 - ``"own"``    : each of the two aggregates for itself: it broke if its primaries ended in more than one aggregate, and its
   fragments are its own primaries in each of them. A primary torn out of 13 in a collision leaves 12/13 of its parent here;
-  in the other readings the parent is both colliders, and the largest fragment may be the one that stayed whole.
+  in the other conventions the parent is both colliders, and the largest fragment may be the one that stayed whole.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from numpy.typing import NDArray
 
 from mcdem.analysis.statistics import mean_limits, share
 
-Reading = Literal["paper", "strict", "own"]
-READINGS: tuple[Reading, ...] = ("paper", "strict", "own")
+Convention = Literal["paper", "strict", "own"]
+CONVENTIONS: tuple[Convention, ...] = ("paper", "strict", "own")
 
 BROKEN = {
     "paper": ("parted", "exchange", "fragmentation"),
     "strict": ("exchange", "fragmentation"),
     "own": ("exchange", "fragmentation"),
 }
-"""Outcomes that are breakups in each reading."""
+"""Outcomes that are breakups in each convention."""
 
 EROSION_ABOVE = 0.90
 """A largest fragment of at least this share of its parent is what erosion leaves (the paper's peak is 90 - 95 %)."""
 
 
-def in_reading(broken: xr.Dataset, reading: Reading) -> NDArray[np.bool_]:
-    """(breakup,) which rows of `breakups` are breakups of a reading."""
+def in_convention(broken: xr.Dataset, convention: Convention) -> NDArray[np.bool_]:
+    """(breakup,) which rows of `breakups` are breakups of a convention."""
     by_itself = broken["by_itself"].values
-    return np.isin(broken["outcome"].values, BROKEN[reading]) & (by_itself == (reading == "own"))
+    return np.isin(broken["outcome"].values, BROKEN[convention]) & (by_itself == (convention == "own"))
 
 
 def breakups(
@@ -50,14 +50,14 @@ def breakups(
     product_sizes: NDArray[np.integer],
     from_first: NDArray[np.integer],
 ) -> xr.Dataset:
-    """Parent and fragments of every breakup: the rows of all readings (`in_reading` tells which are whose).
+    """Parent and fragments of every breakup: the rows of all conventions (`in_convention` tells which are whose).
 
     outcome, contact : (E,) outcomes' names, and whether the two aggregates touched
     parent_sizes : (E, 2) primaries of the two aggregates
     product_counts : (E,) aggregates that left
     product_sizes, from_first : (sum products,) primaries of each, and how many came from the first aggregate
 
-    Returns, over ``breakup``: ``event`` (index into E), ``outcome``, ``by_itself`` (a row of the reading ``"own"``),
+    Returns, over ``breakup``: ``event`` (index into E), ``outcome``, ``by_itself`` (a row of the convention ``"own"``),
     ``parent_size``, ``collider_size`` (mean of the two aggregates), ``fragments``, ``largest_fragment`` (as a fraction of
     the parent).
     """
@@ -96,15 +96,15 @@ def breakups(
     )
 
 
-def summarise(broken: xr.Dataset, reading: Reading, erosion_above: float = EROSION_ABOVE) -> dict[str, float]:
-    """Means over the breakups of one reading; NaN of none.
+def summarise(broken: xr.Dataset, convention: Convention, erosion_above: float = EROSION_ABOVE) -> dict[str, float]:
+    """Means over the breakups of one convention; NaN of none.
 
     ``P_br``, ``P_br_deviation`` (over the breakups; nan of one), ``P_br_error`` (such that P_br +- 2 P_br_error are its 95 %
     limits; infinite of one), mean and deviation of ``collider_size``,
     ``largest_fragment``, ``fragments``, ``two_fragments`` (share), ``fragmentation_share`` (0.45 - 0.75 of the parent:
     the paper's range) and ``erosion_share``, each with 95 % limits, and ``breakups`` (count).
     """
-    chosen = broken.isel(breakup=in_reading(broken, reading))
+    chosen = broken.isel(breakup=in_convention(broken, convention))
     count = chosen.sizes["breakup"]
 
     def mean(name: str) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.aggregates.morphology import Inertia, population_morphology
-from mcdem.analysis.breakup import Reading, breakups, summarise
+from mcdem.analysis.breakup import Convention, breakups, summarise
 from mcdem.analysis.statistics import SteadyState, TimeAverage, find_steady_state, origins_of, time_average
 from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo.record import EXPECTED, opened
@@ -122,7 +122,7 @@ class Run:
 
     @cached_property
     def breakups(self) -> xr.Dataset:
-        """Every breakup of the run in the wider reading (see `mcdem.analysis.breakup`), with its ``time`` [s]."""
+        """Every breakup of the run in the wider convention (see `mcdem.analysis.breakup`), with its ``time`` [s]."""
         broken = breakups(
             self.outcome,
             self.events["contact"].values.astype(bool),
@@ -245,6 +245,6 @@ def by_stress(runs: Iterable[Run]) -> dict[float, list[Run]]:
     return groups
 
 
-def pooled_breakups(runs: Sequence[Run], reading: Reading) -> dict[str, float]:
+def pooled_breakups(runs: Sequence[Run], convention: Convention) -> dict[str, float]:
     """`breakup.summarise` over the steady stretches of replicas."""
-    return summarise(pool([run.late_breakups for run in runs], "breakup"), reading)
+    return summarise(pool([run.late_breakups for run in runs], "breakup"), convention)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from mcdem.analysis import paper
-from mcdem.analysis.breakup import EROSION_ABOVE, Reading, in_reading
+from mcdem.analysis.breakup import EROSION_ABOVE, Convention, in_convention
 from mcdem.analysis.dataset import FEW_BREAKUPS, Run, origins, pool, pooled_breakups
 from mcdem.analysis.statistics import (
     OF_MEANS,
@@ -42,12 +42,12 @@ RULE = (
 )
 
 
-READING_WORDS: dict[Reading, str] = {
-    "paper": "its own reading",
-    "strict": "strict reading",
+CONVENTION_WORDS: dict[Convention, str] = {
+    "paper": "its own convention",
+    "strict": "strict convention",
     "own": "each aggregate for itself",
 }
-JUDGED_READING: Reading = "paper"
+JUDGED_CONVENTION: Convention = "paper"
 JUDGED_REGRESSION: Given = "length"
 SIGNIFICANT = 0.10
 """A share of aggregates that may be called significant: the paper's own smallest that it remarks on, that of erosion."""
@@ -230,7 +230,7 @@ def _every_population(runs: Sequence[Run]) -> Iterator[Row]:
     broken = pooled_breakups(runs, "paper")
     level = float(np.mean([average.mean for average in mean]))
     yield Row(
-        "size of what breaks over ⟨P⟩, its own reading",
+        "size of what breaks over ⟨P⟩, its own convention",
         "larger",
         1.0,
         np.inf,
@@ -475,9 +475,9 @@ def _aspect_ratios(
 
 def _breakups(runs: Sequence[Run]) -> Iterator[Row]:
     broken = pool([run.late_breakups for run in runs], "breakup")
-    for reading, words in READING_WORDS.items():
-        other = reading != JUDGED_READING
-        largest = broken["largest_fragment"].values[in_reading(broken, reading)]
+    for convention, words in CONVENTION_WORDS.items():
+        other = convention != JUDGED_CONVENTION
+        largest = broken["largest_fragment"].values[in_convention(broken, convention)]
         count = len(largest)
         comparable = share(int(((largest >= 0.45) & (largest <= 0.75)).sum()), count)
         erosion = share(int((largest >= EROSION_ABOVE).sum()), count)
@@ -540,9 +540,9 @@ def breakup_exponents(groups: dict[float, list[Run]]) -> list[Row]:
     series["⟨P⟩", False] = np.array(
         [np.mean([r.average("mean_size").mean for r in g]) for g in groups.values()]
     )
-    for reading, words in READING_WORDS.items():
-        numbers = [pooled_breakups(g, reading) for g in groups.values()]
-        series[f"P_br, {words}", reading != JUDGED_READING] = np.array([n["P_br"] for n in numbers])
+    for convention, words in CONVENTION_WORDS.items():
+        numbers = [pooled_breakups(g, convention) for g in groups.values()]
+        series[f"P_br, {words}", convention != JUDGED_CONVENTION] = np.array([n["P_br"] for n in numbers])
     rows = []
     for (name, other), values in series.items():
         known = np.isfinite(values)

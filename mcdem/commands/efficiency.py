@@ -27,7 +27,7 @@ def efficiency(
         str | None,
         typer.Option(
             metavar="DELTA,...",
-            help="Show it against the lubrication cut-off, for both readings of it: 0,1e-4,1e-3,5e-3,1e-2.",
+            help="Show it against the lubrication cut-off, for both conventions of it: 0,1e-4,1e-3,5e-3,1e-2.",
         ),
     ] = None,
 ) -> None:
@@ -125,7 +125,7 @@ def against_steps(scene: Scene, progress: Callable[[str, float], None]):
 
 
 def against_cutoff(scene: Scene, cutoffs: list[float], progress: Callable[[str, float], None]):
-    """eta_11 for several cut-offs and both readings of what lies below them."""
+    """eta_11 for several cut-offs and both conventions of what lies below them."""
     from rich.table import Table
 
     from mcdem.encounter.capture_efficiency import pair_efficiency, van_de_ven_mason
@@ -143,9 +143,9 @@ def against_cutoff(scene: Scene, cutoffs: list[float], progress: Callable[[str, 
     )
     for delta in cutoffs:
         cells = []
-        for reading in ("matrix", "gap"):
+        for convention in ("matrix", "gap"):
             hydrodynamics = scene.hydrodynamics.model_copy(
-                update={"lubrication_cutoff": delta, "cutoff_convention": reading}
+                update={"lubrication_cutoff": delta, "cutoff_convention": convention}
             )
             changed = scene.model_copy(update={"hydrodynamics": hydrodynamics})
             found = pair_efficiency(changed, progress=progress)

@@ -199,8 +199,8 @@ def report(scene: Scene, result: EncounterResult) -> list[tuple[str, str]]:
 
     rate = scene.flow.shear_rate
     strict = "breakup" if result.outcome in STRICT_BREAKUP else "no breakup"
-    reading = {True: f" (breakup as the paper counts it; read strictly, {strict})", False: ""}
-    told = [("outcome", result.outcome + reading[result.outcome in PAPER_BREAKUP])]
+    convention = {True: f" (breakup as the paper counts it; read strictly, {strict})", False: ""}
+    told = [("outcome", result.outcome + convention[result.outcome in PAPER_BREAKUP])]
     if result.reason:
         told.append(("reason", result.reason))
     told += [

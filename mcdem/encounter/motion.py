@@ -7,7 +7,7 @@ shortcuts (`Shortcuts`, each with an off) skip what cannot change the outcome:
   sure miss        and pass each other so, if no two of their primaries come near each other
   separate bodies  parts that surely do not come back to each other go on as smaller problems (`parting`)
   rigid rotation   an aggregate without floppy modes turns as a rigid body until its load nears its strength (`rigid`)
-  inert            a rigid aggregate that bears its worst orientation is done: nothing can happen to it alone
+  stable           a rigid aggregate that is mechanically stable in every orientation is done: nothing can happen to it alone
 
 What is floppy, near something else, or near its strength is followed primary by primary.  The decisions are taken
 here, a few in an encounter; every step is taken in compiled code.
@@ -46,7 +46,7 @@ from mcdem.integrators.state import (
     new_history,
 )
 from mcdem.integrators.time_loop import Bounds, follow_steps, new_watch
-from mcdem.rigid_aggregates.passage import approach, pass_by
+from mcdem.rigid_aggregates.passage import Limits, Pair, Passing, approach, pass_by
 from mcdem.rigid_aggregates.statics import RIGID, RigidBody, analyse, turn_rigidly, worst_load
 from mcdem.rigid_aggregates.statics_with_torques import analyse_with_torques
 
@@ -65,7 +65,7 @@ class Shortcuts(NamedTuple):
     sure_miss: float  # gap in a between primaries beyond which rigid aggregates pass as bodies; 0: off
     separation: float  # centre distance beyond which parts that never turn back go on alone; 0: off
     rigid_rotation: bool
-    inert: bool
+    end_stable: bool
     load_limit: float  # largest load at which an aggregate is taken as rigid
     quiet_time: float  # strain without a change of contacts before an aggregate is taken as rigid
 
@@ -125,7 +125,7 @@ def integrate(motion: Motion, course: Course) -> int:
 
     Parts that went on alone end at the same time, but the distances between them mean nothing any more.
     """
-    parted = come_near(motion, course) if course.shortcuts.far_approach > 0.0 else None
+    parted = far_approach(motion, course) if course.shortcuts.far_approach > 0.0 else None
     waiting = [Waiting(np.arange(len(motion.radii)), course.now)] if parted is None else parted
     while waiting:
         members, clock, posture = waiting.pop()
@@ -175,14 +175,14 @@ def follow(part: Motion, members: NDArray[np.intp], course: Course, posture: Pos
     n = len(part.radii)
     # An aggregate as it was found has had all the time to settle.
     rested = n > 1 and log.steps[0] == 0
-    if posture is not None and rest_as_body(part, members, posture, course):
+    if posture is not None and end_as_body(part, members, posture, course):
         return DONE
     work = scheme_of(course.options).workspace(n, part.springs is not None)
     history, gaps = new_history(part), np.empty((n, n))
     find_gaps(part.positions, part.radii, gaps)
     watch = new_watch(log, course.now - shortcuts.quiet_time if rested and posture is None else course.now)
     piece = max(200_000 // n**2, 1)
-    quiet_time = shortcuts.quiet_time if shortcuts.rigid_rotation or shortcuts.inert else math.inf
+    quiet_time = shortcuts.quiet_time if shortcuts.rigid_rotation or shortcuts.end_stable else math.inf
     while True:
         recording.keep(course.frames, part, members, course.physics, course.now)
         group = Group(part, history, gaps, work)
@@ -205,7 +205,7 @@ def follow(part: Motion, members: NDArray[np.intp], course: Course, posture: Pos
             watch.look[0] = course.now + 2.0 * shortcuts.quiet_time
             continue
         started = course.now
-        if rest_as_body(part, members, Posture(body, np.eye(3), centre), course):
+        if end_as_body(part, members, Posture(body, np.eye(3), centre), course):
             return DONE
         if course.now > started:
             find_gaps(part.positions, part.radii, gaps)
@@ -213,15 +213,15 @@ def follow(part: Motion, members: NDArray[np.intp], course: Course, posture: Pos
         watch.look[0] = course.now + shortcuts.quiet_time
 
 
-def rest_as_body(part: Motion, members: NDArray[np.intp], posture: Posture, course: Course) -> bool:
+def end_as_body(part: Motion, members: NDArray[np.intp], posture: Posture, course: Course) -> bool:
     """Whether a rigid part gets to the end of the course as a body; else it is where its load became too large."""
     shortcuts = course.shortcuts
-    if shortcuts.inert and worst_load(posture.body, course.flow.strain_five) < shortcuts.load_limit:
+    if shortcuts.end_stable and worst_load(posture.body, course.flow.strain_five) < shortcuts.load_limit:
         if course.frames is not None:
-            roll_on(part, members, posture, course, math.inf)
+            turn_as_body(part, members, posture, course, math.inf)
         course.skip(course.end - course.now)
         return True
-    return shortcuts.rigid_rotation and roll_on(part, members, posture, course, shortcuts.load_limit)
+    return shortcuts.rigid_rotation and turn_as_body(part, members, posture, course, shortcuts.load_limit)
 
 
 def analysed(part: Motion, physics: Physics) -> tuple[RigidBody | None, NDArray[np.float64]]:
@@ -251,7 +251,9 @@ def place(part: Motion, body: RigidBody, turn, centre, gradient, springs) -> Non
     part.velocities[:] = np.cross(spin, about) + gradient @ centre
 
 
-def roll_on(part: Motion, members: NDArray[np.intp], posture: Posture, course: Course, limit: float) -> bool:
+def turn_as_body(
+    part: Motion, members: NDArray[np.intp], posture: Posture, course: Course, limit: float
+) -> bool:
     """Turn a rigid part until the end or until its load exceeds `limit`; whether it reached the end."""
     flow, (body, turn, centre) = course.flow, posture
     springs = None if part.springs is None else part.springs.copy()
@@ -290,6 +292,11 @@ class RigidPair:
     springs: list[NDArray[np.float64] | None]
     reaches: NDArray[np.float64]
 
+    @property
+    def on_their_way(self) -> Pair:
+        """What compiled code carries along."""
+        return Pair(self.bodies[0], self.bodies[1], self.turns, self.centres)
+
     def show(self, course: Course) -> None:
         """Write the frames that are due."""
         for part, members, body, turn in zip(self.parts, self.members, self.bodies, self.turns, strict=True):
@@ -327,7 +334,7 @@ def rigid_pair(motion: Motion, physics: Physics) -> RigidPair | None:
     return RigidPair(parts, members, bodies, np.stack([np.eye(3)] * 2), centres, springs, reaches)
 
 
-def come_near(motion: Motion, course: Course) -> list[Waiting] | None:
+def far_approach(motion: Motion, course: Course) -> list[Waiting] | None:
     """Let two rigid aggregates approach as bodies; what is still to be followed if they surely miss each other, else None."""
     pair = rigid_pair(motion, course.physics)
     if pair is None:
@@ -337,18 +344,8 @@ def come_near(motion: Motion, course: Course) -> list[Waiting] | None:
     while going:
         pair.show(course)
         duration = min(course.end, course.next_frame) - course.now
-        elapsed, load = approach(
-            pair.bodies[0],
-            pair.bodies[1],
-            pair.turns,
-            pair.centres,
-            flow.gradient,
-            flow.strain,
-            shortcuts.far_approach * pair.reaches.sum(),
-            duration,
-            RIGID_STEP,
-            shortcuts.load_limit,
-        )
+        limits = Limits(duration, RIGID_STEP, shortcuts.load_limit)
+        elapsed, load = approach(pair.on_their_way, flow, shortcuts.far_approach * pair.reaches.sum(), limits)
         course.skip(elapsed)
         going = course.frames is not None and elapsed >= duration - 1e-9 and course.now < course.end - 1e-9
         for body in pair.bodies:
@@ -371,7 +368,7 @@ def miss(pair: RigidPair, course: Course) -> list[Waiting] | None:
     if abs(force) > WEAK:
         return None
     before = pair.turns.copy(), pair.centres.copy()
-    surely, elapsed, load, gap = pass_on(pair, course, course.end - course.now)
+    surely, elapsed, load, gap = passage(pair, course, course.end - course.now)
     if not surely:
         pair.turns[:], pair.centres[:] = before
         return None
@@ -393,24 +390,14 @@ def miss(pair: RigidPair, course: Course) -> list[Waiting] | None:
     ]
 
 
-def pass_on(pair: RigidPair, course: Course, duration: float) -> tuple[bool, float, float, float]:
-    """`approach.pass_by` by the shortcuts taken."""
-    shortcuts, flow = course.shortcuts, course.flow
+def passage(pair: RigidPair, course: Course, duration: float) -> tuple[bool, float, float, float]:
+    """`passage.pass_by` by the shortcuts taken."""
+    shortcuts = course.shortcuts
+    passing = Passing(
+        pair.parts[0].radii, pair.parts[1].radii, pair.reaches, shortcuts.sure_miss, shortcuts.separation
+    )
     found: tuple[bool, float, float, float] = pass_by(
-        pair.bodies[0],
-        pair.bodies[1],
-        pair.turns,
-        pair.centres,
-        pair.parts[0].radii,
-        pair.parts[1].radii,
-        flow.gradient,
-        flow.strain,
-        shortcuts.sure_miss,
-        pair.reaches,
-        shortcuts.separation,
-        duration,
-        RIGID_STEP,
-        shortcuts.load_limit,
+        pair.on_their_way, course.flow, passing, Limits(duration, RIGID_STEP, shortcuts.load_limit)
     )
     return found
 
@@ -418,7 +405,7 @@ def pass_on(pair: RigidPair, course: Course, duration: float) -> tuple[bool, flo
 def show_passage(pair: RigidPair, course: Course, end: float) -> None:
     """Pass once more, to `end`, and write the frames on the way."""
     while course.now < end - 1e-9:
-        _, elapsed, _, _ = pass_on(pair, course, min(end, course.next_frame) - course.now)
+        _, elapsed, _, _ = passage(pair, course, min(end, course.next_frame) - course.now)
         if elapsed == 0.0:
             course.skip(end - course.now)
         course.skip(elapsed)

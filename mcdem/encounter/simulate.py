@@ -159,7 +159,7 @@ def shortcuts_of(scene: Scene) -> Shortcuts:
         sure_miss=numerics.sure_miss if taken else 0.0,
         separation=numerics.separation if taken else 0.0,
         rigid_rotation=taken and numerics.rigid_rotation,
-        inert=taken and numerics.end_stable,
+        end_stable=taken and numerics.end_stable,
         load_limit=numerics.rigid_load_limit,
         quiet_time=numerics.quiet_time,
     )

@@ -1,4 +1,4 @@
-"""Figs. 15 and 16: what size breaks, and into what, under each reading of breakup."""
+"""Figs. 15 and 16: what size breaks, and into what, under each convention of breakup."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
 from mcdem.analysis import paper
-from mcdem.analysis.breakup import READINGS, in_reading
+from mcdem.analysis.breakup import CONVENTIONS, in_convention
 from mcdem.analysis.dataset import Run, by_stress, pool, pooled_breakups
 from mcdem.analysis.statistics import OF_MEANS, fit_power_law, shares, why_no_fit
 from mcdem.figures.figure import Figure, quantity
-from mcdem.figures.style import BLACK, GREY, READING, canvas, legend
+from mcdem.figures.style import BLACK, CONVENTION, GREY, canvas, legend
 
 
 def critical_size(runs: Sequence[Run]) -> Figure:
@@ -31,8 +31,8 @@ def critical_size(runs: Sequence[Run]) -> Figure:
     numbers["mean_size_error"] = quantity(error, "stress", "1", "<P> +- 2 of these are its 95 % limits")
     numbers["size_deviation"] = quantity(deviation, "stress", "1", "sigma_P")
     numbers["steady"] = ("stress", [all(run.steady.reached for run in group) for group in groups.values()])
-    numbers = numbers.assign_coords(reading=list(READINGS))
-    rows = {reading: [pooled_breakups(group, reading) for group in groups.values()] for reading in READINGS}
+    numbers = numbers.assign_coords(convention=list(CONVENTIONS))
+    rows = {convention: [pooled_breakups(group, convention) for group in groups.values()] for convention in CONVENTIONS}
     for name, words in (
         ("P_br", "mean number of primaries of what broke"),
         ("P_br_deviation", "its standard deviation over the breakups"),
@@ -41,11 +41,11 @@ def critical_size(runs: Sequence[Run]) -> Figure:
         ("breakups", "number of breakups"),
     ):
         numbers[name] = quantity(
-            [[row[name] for row in rows[reading]] for reading in READINGS], ("reading", "stress"), "1", words
+            [[row[name] for row in rows[convention]] for convention in CONVENTIONS], ("convention", "stress"), "1", words
         )
     series = {
         "mean_size": numbers["mean_size"].values,
-        **{f"P_br_{r}": numbers["P_br"].sel(reading=r).values for r in READINGS},
+        **{f"P_br_{r}": numbers["P_br"].sel(convention=r).values for r in CONVENTIONS},
     }
     for name, values in series.items():
         known = np.isfinite(values)
@@ -56,7 +56,7 @@ def critical_size(runs: Sequence[Run]) -> Figure:
         )
     return Figure(
         "fig15_critical_size",
-        "Size before breakup, under each reading, and mean size at steady state against shear stress.",
+        "Size before breakup, under each convention, and mean size at steady state against shear stress.",
         numbers.assign_attrs(no_exponent=why_no_fit(stresses, minimum=OF_MEANS)),
         draw_critical_size,
     )
@@ -74,9 +74,9 @@ def draw_critical_size(numbers: xr.Dataset) -> Canvas:
         limits = f" [{low:.1f}, {high:.1f}]" if np.isfinite(low) else ""
         return f"{text}: q = {q:.1f}{limits}"
 
-    for shift, reading, marker in ((0.96, "paper", "o"), (0.985, "strict", "^"), (1.01, "own", "D")):
-        colour, reads = READING[reading]
-        one = numbers.sel(reading=reading)
+    for shift, convention, marker in ((0.96, "paper", "o"), (0.985, "strict", "^"), (1.01, "own", "D")):
+        colour, reads = CONVENTION[convention]
+        one = numbers.sel(convention=convention)
         axes.errorbar(
             stress * shift,
             one["P_br"],
@@ -86,7 +86,7 @@ def draw_critical_size(numbers: xr.Dataset) -> Canvas:
             ms=4,
             capsize=2,
             elinewidth=0.7,
-            label=words(f"P_br_{reading}", rf"$\bar P_{{br}}$, {reads}"),
+            label=words(f"P_br_{convention}", rf"$\bar P_{{br}}$, {reads}"),
         )
         for x, y, n in zip(
             stress * shift, (one["P_br"] - one["P_br_deviation"]).values, one["breakups"].values, strict=True
@@ -113,7 +113,7 @@ def draw_critical_size(numbers: xr.Dataset) -> Canvas:
         label=words("mean_size", r"$\langle P\rangle$"),
     )
     span = np.geomspace(min(stress.min(), 700), max(stress.max(), 1050), 20)
-    for level in (numbers["P_br"].sel(reading="paper").values, numbers["mean_size"].values):
+    for level in (numbers["P_br"].sel(convention="paper").values, numbers["mean_size"].values):
         if np.isfinite(level).any():
             anchor = np.nanmean(np.log(level) + paper.BREAKUP_EXPONENT * np.log(stress))
             label = (
@@ -147,32 +147,32 @@ def largest_fragment(runs: Sequence[Run]) -> Figure:
     """Fig. 16: largest fragment over parent."""
     broken = pool([run.late_breakups for run in runs], "breakup")
     counts = []
-    for reading in READINGS:
-        chosen = broken["largest_fragment"].values[in_reading(broken, reading)]
+    for convention in CONVENTIONS:
+        chosen = broken["largest_fragment"].values[in_convention(broken, convention)]
         # a fragment of exactly 0.9 is erosion: bins hold their lower edge
         counts.append(np.histogram(chosen - 1e-9 + 2e-9, EDGES)[0])
     numbers = xr.Dataset(
         {
-            "count": quantity(counts, ("reading", "bin"), "1", "breakups"),
+            "count": quantity(counts, ("convention", "bin"), "1", "breakups"),
             "low": quantity(EDGES[:-1], "bin", "1", "largest fragment over parent, from"),
             "high": quantity(EDGES[1:], "bin", "1", "largest fragment over parent, to"),
         },
-        {"reading": list(READINGS)},
+        {"convention": list(CONVENTIONS)},
         {"paper": int(paper.holds_for(runs[0].scene, 1000.0)), "stress": runs[0].stress},
     )
     for name in ("erosion_share", "fragmentation_share"):
         for limit in ("", "_low", "_high"):
-            numbers[name + limit] = ("reading", [pooled_breakups(runs, r)[name + limit] for r in READINGS])
+            numbers[name + limit] = ("convention", [pooled_breakups(runs, r)[name + limit] for r in CONVENTIONS])
     return Figure(
         "fig16_largest_fragment",
-        f"Largest fragment as a share of what broke at {runs[0].label}, under each reading.",
+        f"Largest fragment as a share of what broke at {runs[0].label}, under each convention.",
         numbers,
         draw_largest_fragment,
     )
 
 
 def draw_largest_fragment(numbers: xr.Dataset) -> Canvas:
-    """A histogram a reading with 95 % limits; the paper's ranges shaded."""
+    """A histogram a convention with 95 % limits; the paper's ranges shaded."""
     figure, axes = canvas(height=3.0)
     low, high = numbers["low"].values, numbers["high"].values
     top = 0.0
@@ -187,9 +187,9 @@ def draw_largest_fragment(numbers: xr.Dataset) -> Canvas:
         ]
         return "\n0.45 to 0.75: {:.0%} [{:.0%}, {:.0%}]\nerosion: {:.0%} [{:.0%}, {:.0%}]".format(*told)
 
-    for side, reading in zip((-1, 0, 1), READINGS, strict=True):
-        colour, words = READING[reading]
-        one = numbers.sel(reading=reading)
+    for side, convention in zip((-1, 0, 1), CONVENTIONS, strict=True):
+        colour, words = CONVENTION[convention]
+        one = numbers.sel(convention=convention)
         count = one["count"].values
         total = max(count.sum(), 1)
         x = 0.5 * (low + high) + side * 0.28 * (high - low)

@@ -13,7 +13,7 @@ import jinja2
 import numpy as np
 
 from mcdem.analysis import paper
-from mcdem.analysis.breakup import in_reading
+from mcdem.analysis.breakup import in_convention
 from mcdem.analysis.dataset import FEW_BREAKUPS, Run
 from mcdem.analysis.paper_comparison import RULE, compare
 from mcdem.analysis.statistics import STEADY_TEST, share
@@ -119,7 +119,7 @@ def warnings(run: Run) -> Iterator[str]:
             f"No steady state: {run.steady.reason}. Steady means: {STEADY_TEST}. Numbers called steady are those of "
             "the last 40 % of the run."
         )
-    late = int(in_reading(run.late_breakups, "paper").sum())
+    late = int(in_convention(run.late_breakups, "paper").sum())
     if late < FEW_BREAKUPS:
         yield (
             f"Few breakups: {late} in the stretch that counts, fewer than {FEW_BREAKUPS}; the shares of fragmentation "

@@ -20,7 +20,7 @@ MOST_SNAPSHOTS = 60
 
 
 def last_population(runs: Sequence[Run]) -> xr.Dataset:
-    """Every aggregate of the last snapshots of replicas, with both readings of the ellipsoid."""
+    """Every aggregate of the last snapshots of replicas, with both conventions of the ellipsoid."""
     found = pool([run.population(-1) for run in runs], "aggregate")
     solid = pool([run.population(-1, "spheres", rigidity=False) for run in runs], "aggregate")
     found["solid_fraction_ellipsoid_spheres"] = solid["solid_fraction_ellipsoid"].assign_attrs(
@@ -165,7 +165,7 @@ def solid_fraction(runs: Sequence[Run]) -> Figure:
 
 
 def draw_solid_fraction(numbers: xr.Dataset) -> Canvas:
-    """Both volumes against P, above a trimer; the ellipsoid in both readings."""
+    """Both volumes against P, above a trimer; the ellipsoid in both conventions."""
     figure, axes = canvas()
     shown = numbers.isel(aggregate=numbers["size"].values > 3)
     p = shown["size"]

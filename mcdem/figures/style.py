@@ -20,12 +20,12 @@ LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v", "P")
 
 COLUMN = 3.5  # inches: one column of a journal's page
-READING = {
+CONVENTION = {
     "paper": (BLUE, "touch and part counted"),
     "strict": (VERMILION, "strict"),
     "own": (GREEN, "each aggregate for itself"),
 }
-"""Colour and words for the readings of breakup."""
+"""Colour and words for the conventions of breakup."""
 OUTCOME = {
     "missed": (GREY, "."),
     "aggregation": (BLUE, "o"),

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from numba import njit
 
-from mcdem.hydrodynamics.level import Level, no_drive, no_two_body, single_stresslets
+from mcdem.hydrodynamics.level import Level, no_strain_load, no_two_body, single_stresslets
 
 
 class FreeDraining(NamedTuple):
@@ -31,7 +31,7 @@ LEVEL = Level(
     FreeDraining,
     lambda *_: FreeDraining(),
     resistance,
-    no_drive,
+    no_strain_load,
     no_two_body,
     single_stresslets,
     squeeze=lambda gap: 1.0 / 2.0,

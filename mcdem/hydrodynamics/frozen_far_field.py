@@ -303,7 +303,7 @@ def apply_kept(kept, work, rates, strained):
 
 @njit(cache=True)
 def hold_still(kept, work, radii, middle, strain, correct):
-    """Moments of spheres held still in the strain (3, 3) into `kept.still`, and their drive into `work.drive`.
+    """Moments of spheres held still in the strain (3, 3) into `kept.still`, and their strain_load into `work.strain_load`.
 
     correct : whether the kept matrix is not that of `middle` and the predicted moments are to correct it
     """
@@ -325,8 +325,8 @@ def hold_still(kept, work, radii, middle, strain, correct):
             kept.still[k] += kept.predicted[k]
     for i in range(n):
         for p in range(3):
-            work.drive[3 * i + p] = -turned(kept.turns[i], kept.still, 5 * n + 3 * i, p)
-            work.drive[3 * (n + i) + p] = -turned(kept.turns[i], kept.still, 8 * n + 3 * i, p)
+            work.strain_load[3 * i + p] = -turned(kept.turns[i], kept.still, 5 * n + 3 * i, p)
+            work.strain_load[3 * (n + i) + p] = -turned(kept.turns[i], kept.still, 8 * n + 3 * i, p)
 
 
 @njit(cache=True)
@@ -414,7 +414,7 @@ def _(level, kept, work, radii, middle, flow, tolerance):
         )
 
     def new(level, kept, work, radii, middle, flow, tolerance):
-        levels.strain_drive(level, work, flow.strain_five)
+        levels.strain_load(level, work, flow.strain_five)
         return levels.resistance(level, work, radii)
 
     return new
@@ -422,7 +422,7 @@ def _(level, kept, work, radii, middle, flow, tolerance):
 
 @njit(cache=True)
 def far_field(level, kept, work, radii, middle, flow, tolerance):
-    """Resistance and drive without lubrication into `work`, kept (`tolerance` > 0) or made anew; 0 or an error code.
+    """Resistance and strain_load without lubrication into `work`, kept (`tolerance` > 0) or made anew; 0 or an error code.
 
     Only a far field with stresslets is worth keeping.
     """
@@ -435,7 +435,7 @@ def frozen_or_new(level, kept, work, radii, middle, flow, tolerance):
     if tolerance <= 0.0 or radii.shape[0] < PAYS_FROM:
         code = levels.resistance(level, work, radii)
         if code == 0:
-            levels.strain_drive(level, work, flow.strain_five)
+            levels.strain_load(level, work, flow.strain_five)
         return code
     good = kept.made[0] and kept.known[0] > 0 and still_good(kept, middle, radii, tolerance)
     if good:

@@ -45,15 +45,15 @@ def far_field_resistance(work, radii):
 
 
 @njit(cache=True)
-def far_field_drive(work, strain_five):
-    """What a uniform strain (5,) exerts in the far field into `work.drive`, after `far_field_resistance`."""
-    n = work.drive.shape[0] // 6
+def far_field_strain_load(work, strain_five):
+    """What a uniform strain (5,) exerts in the far field into `work.strain_load`, after `far_field_resistance`."""
+    n = work.strain_load.shape[0] // 6
     for i in range(n):
         work.straining[5 * i : 5 * i + 5] = strain_five
     solve_lower(work.mobility[: 5 * n, : 5 * n], work.straining, False)
-    work.drive[:] = 0.0
-    add_product(work.mobility[5 * n :, : 5 * n], work.straining, work.drive, -1.0)
-    solve_cholesky(work.mobility[5 * n :, 5 * n :], work.drive)
+    work.strain_load[:] = 0.0
+    add_product(work.mobility[5 * n :, : 5 * n], work.straining, work.strain_load, -1.0)
+    solve_cholesky(work.mobility[5 * n :, 5 * n :], work.strain_load)
 
 
 @njit(cache=True)
@@ -63,16 +63,16 @@ def resistance(level, work, radii):
 
 
 @njit(cache=True)
-def strain_drive(level, work, strain_five):
-    """What a uniform strain (5,) exerts in the far field into `work.drive`, after `resistance`."""
-    far_field_drive(work, strain_five)
+def strain_load(level, work, strain_five):
+    """What a uniform strain (5,) exerts in the far field into `work.strain_load`, after `resistance`."""
+    far_field_strain_load(work, strain_five)
 
 
 @njit(cache=True)
 def stresslets(level, work, radii, rates, strain_five, out):
     """Stresslets exerted on the fluid into out (N, 5), from rates (6N,) of spheres in a strain (5,).
 
-    `work` holds the far-field factor and, from `far_field_drive` of the same strain, L_S^-1 E; the latter is used up.
+    `work` holds the far-field factor and, from `far_field_strain_load` of the same strain, L_S^-1 E; the latter is used up.
     """
     n = radii.shape[0]
     # Far-field forces from the factor: Mhat F = rates + W^T z, then S = -L_S^-T (z + W F).
@@ -93,7 +93,7 @@ LEVEL = Level(
     ForceTorqueStresslet,
     lambda *_: ForceTorqueStresslet(),
     resistance,
-    strain_drive,
+    strain_load,
     no_two_body,
     stresslets,
     squeeze=lambda gap: 40.0 / 21.0,  # half of X^A_11 - X^A_12 by `two_sphere.far_field` at r = 2a

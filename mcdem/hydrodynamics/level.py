@@ -1,6 +1,6 @@
 """What a level of hydrodynamics is: the contract, and the compiled functions that serve all of them.
 
-    R (u - u_inf) = F + drive
+    R (u - u_inf) = F + strain_load
 
 A file of this package states its level as `LEVEL`.  Compiled code holds the parameters of the level that a scene chooses, and
 its functions are looked up by their type when the code is compiled: a coarser level leaves nothing of a finer one behind.
@@ -23,10 +23,10 @@ class Level:
     parameters : NamedTuple of what it needs
     build : (cut-off over a, whether the strain sees the cut-off too, radii over a) -> its parameters
     resistance : compiled, (parameters, work, radii) -> 0 or an error code; that without the two-body part into `work.resistance`
-    strain_drive : compiled, (parameters, work, strain (5,)); what it exerts, into `work.drive`, after `resistance`
+    strain_load : compiled, (parameters, work, strain (5,)); what it exerts, into `work.strain_load`, after `resistance`
     two_body : compiled, (parameters, work, radii, strain (3, 3)) adds the two-body part to both
     stresslets : compiled, (parameters, work, radii, rates (6N,), strain (5,), out (N, 5)); those exerted on the fluid
-    two_body_of_strains : compiled, (parameters, work, radii, strains (5, 5), drives (5, 6N)), as `two_body` for five at once
+    two_body_of_strains : compiled, (parameters, work, radii, strains (5, 5), strain_loads (5, 6N)), as `two_body` for five at once
     squeeze : gap over a -> resistance over 6 pi mu a to changing the gap of two spheres that are this near, for estimates
     coupled : whether spheres feel each other;  stresslet_couplings : whether through their stresslets too, so that a far field is
         worth keeping and rigid aggregates may approach as bodies with a stresslet;  lubrication : whether pairs have it
@@ -35,7 +35,7 @@ class Level:
     parameters: type
     build: Callable[..., Any]
     resistance: Callable[..., Any]
-    strain_drive: Callable[..., Any]
+    strain_load: Callable[..., Any]
     two_body: Callable[..., Any]
     stresslets: Callable[..., Any]
     squeeze: Callable[[float], float]
@@ -46,9 +46,9 @@ class Level:
 
 
 @njit(cache=True)
-def no_drive(level, work, strain_five):
+def no_strain_load(level, work, strain_five):
     """Strain exerts nothing on spheres held still."""
-    work.drive[:] = 0.0
+    work.strain_load[:] = 0.0
 
 
 @njit(cache=True)
@@ -57,7 +57,7 @@ def no_two_body(level, work, radii, strain):
 
 
 @njit(cache=True)
-def no_two_body_of_strains(level, work, radii, strains, drives):
+def no_two_body_of_strains(level, work, radii, strains, strain_loads):
     """Pairs have no two-body part."""
 
 
@@ -98,20 +98,20 @@ def resistance(level, work, radii):
     return _resistance(level, work, radii)
 
 
-def _strain_drive(level, work, strain_five):
+def _strain_load(level, work, strain_five):
     raise NotImplementedError("compiled code only")
 
 
-@overload(_strain_drive)
+@overload(_strain_load)
 def _(level, work, strain_five):
-    own = level_of(level).strain_drive
+    own = level_of(level).strain_load
     return lambda level, work, strain_five: own(level, work, strain_five)
 
 
 @njit(cache=True)
-def strain_drive(level, work, strain_five):
-    """What a uniform strain (5,) exerts on spheres held still into `work.drive`, after `resistance`."""
-    _strain_drive(level, work, strain_five)
+def strain_load(level, work, strain_five):
+    """What a uniform strain (5,) exerts on spheres held still into `work.strain_load`, after `resistance`."""
+    _strain_load(level, work, strain_five)
 
 
 def _two_body(level, work, radii, strain):
@@ -130,20 +130,20 @@ def two_body(level, work, radii, strain):
     _two_body(level, work, radii, strain)
 
 
-def _two_body_of_strains(level, work, radii, strains, drives):
+def _two_body_of_strains(level, work, radii, strains, strain_loads):
     raise NotImplementedError("compiled code only")
 
 
 @overload(_two_body_of_strains)
-def _(level, work, radii, strains, drives):
+def _(level, work, radii, strains, strain_loads):
     own = level_of(level).two_body_of_strains or no_two_body_of_strains
-    return lambda level, work, radii, strains, drives: own(level, work, radii, strains, drives)
+    return lambda level, work, radii, strains, strain_loads: own(level, work, radii, strains, strain_loads)
 
 
 @njit(cache=True)
-def two_body_of_strains(level, work, radii, strains, drives):
-    """Add the two-body part of every pair to the resistance and to what each of the strains (5, 5) exerts, drives (5, 6N)."""
-    _two_body_of_strains(level, work, radii, strains, drives)
+def two_body_of_strains(level, work, radii, strains, strain_loads):
+    """Add the two-body part of every pair to the resistance and to what each of the strains (5, 5) exerts, strain_loads (5, 6N)."""
+    _two_body_of_strains(level, work, radii, strains, strain_loads)
 
 
 def _stresslets(level, work, radii, rates, strain_five, out):
@@ -162,7 +162,7 @@ def _(level, work, radii, rates, strain_five, out):
 def stresslets(level, work, radii, rates, strain_five, out):
     """Stresslets exerted on the fluid into out (N, 5), from rates (6N,) of spheres in a strain (5,).
 
-    `work` holds the factor of `resistance` and what `strain_drive` left of the same strain; the latter is used up.
+    `work` holds the factor of `resistance` and what `strain_load` left of the same strain; the latter is used up.
     """
     _stresslets(level, work, radii, rates, strain_five, out)
 

@@ -1,11 +1,11 @@
 """Velocities of many spheres without a dense matrix: the same equations as `stokesian`, in O(N) memory.
 
 Unknown are the rates v = (omega - omega_inf | u - u_inf) and the far-field stresslets S.  The far field carries what the
-two-body part does not, (T, F) = external + drive - R v, and
+two-body part does not, (T, F) = external + strain_load - R v, and
 
     M_SS S + M_SF (T, F) = -E_inf,      M_FS S + M_FF (T, F) = v,
 
-with M the grand mobility of `far_field` and R, drive those of `lubrication`.  M is applied pair by pair on all cores.  R is
+with M the grand mobility of `far_field` and R, strain_load those of `lubrication`.  M is applied pair by pair on all cores.  R is
 kept as a sparse matrix up to RANGE; what is left of it beyond, a sum of terms in (a/r)^6, enters by refinement of the
 residual, which takes all pairs.  GMRES is preconditioned by the near part of R with the drag of single spheres, factorised.
 """
@@ -77,11 +77,11 @@ def mobility_product(places, radii, stresslets, torques, forces):
 
 
 @njit(cache=True)
-def near_blocks(positions, radii, pairs, level, strain, blocks, own, drive):
+def near_blocks(positions, radii, pairs, level, strain, blocks, own, strain_load):
     """Two-body part of some pairs (B, 2), i > j.
 
     blocks (B, 6, 6) resistance of i against j in the order (omega, u); own (N, 6, 6) that of each against itself, added to;
-    drive (6N,), ordered (omega | u), added to
+    strain_load (6N,), ordered (omega | u), added to
     """
     raw, scalars, d = np.empty(lubrication.RAW), np.empty((11, 4)), np.empty(3)
     local = np.empty((12, 12))
@@ -92,7 +92,7 @@ def near_blocks(positions, radii, pairs, level, strain, blocks, own, drive):
         )
         local[:] = 0.0
         lubrication.add_pair_resistance(scalars, 1, 0, d, local)
-        lubrication.add_pair_drive(scalars, i, j, d, strain, shift, drive)
+        lubrication.add_pair_strain_load(scalars, i, j, d, strain, shift, strain_load)
         for row in range(12):
             for column in range(row):
                 local[column, row] = local[row, column]
@@ -150,19 +150,19 @@ def distant_load(positions, radii, rates, reach, table, cutoff, shifted, load):
 
 
 @njit(cache=True, parallel=True)
-def distant_drive(positions, radii, reach, table, cutoff, shifted, strain, drive):
-    """drive (6N,) += that of all pairs beyond `reach`."""
+def distant_strain_load(positions, radii, reach, table, cutoff, shifted, strain, strain_load):
+    """strain_load (6N,) += that of all pairs beyond `reach`."""
     n = radii.shape[0]
-    drives = np.zeros((SHARES, 6 * n))
+    strain_loads = np.zeros((SHARES, 6 * n))
     for share in prange(SHARES):
         raw, scalars, d = np.empty(lubrication.RAW), np.empty((11, 4)), np.empty(3)
         for i in range(share, n, SHARES):
             for j in range(i):
                 if beyond(positions, i, j, reach):
                     shift = pair_of(positions, radii, i, j, table, cutoff, shifted, raw, scalars, d)
-                    lubrication.add_pair_drive(scalars, i, j, d, strain, shift, drives[share])
+                    lubrication.add_pair_strain_load(scalars, i, j, d, strain, shift, strain_loads[share])
     for share in range(SHARES):
-        drive += drives[share]
+        strain_load += strain_loads[share]
 
 
 @njit(cache=True, parallel=True)
@@ -186,7 +186,7 @@ class TwoBody:
     def __init__(self, positions, radii, strain, level) -> None:
         n = len(radii)
         self.positions, self.radii, self.level = positions, radii, level
-        self.drive = np.zeros(6 * n)
+        self.strain_load = np.zeros(6 * n)
         self.near = sparse.csr_array((6 * n, 6 * n))
         self.nearest = self.near
         if level.lubrication is None:
@@ -202,9 +202,9 @@ class TwoBody:
             strain,
             blocks,
             own,
-            self.drive,
+            self.strain_load,
         )
-        distant_drive(positions, radii, RANGE, *level, strain, self.drive)
+        distant_strain_load(positions, radii, RANGE, *level, strain, self.strain_load)
         self.near = _assembled(n, pairs, blocks, own)
         distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
         close = distance < NEAR
@@ -247,7 +247,7 @@ def solve_velocities(
     positions = np.ascontiguousarray(positions)
     n = len(radii)
     two_body = TwoBody(positions, radii, flow.strain, level)
-    external = np.concatenate([np.ravel(torques), np.ravel(forces)]) + two_body.drive
+    external = np.concatenate([np.ravel(torques), np.ravel(forces)]) + two_body.strain_load
     # Of a single sphere: rates over torques and forces.
     single = np.concatenate([np.repeat(0.75 / radii**3, 3), np.repeat(1.0 / radii, 3)])
     drag = sparse.diags_array(1.0 / single)

@@ -1,6 +1,6 @@
 """The resistance of N spheres as every level of hydrodynamics fills it, and spheres that turn freely.
 
-    R (u - u_inf) = F + drive,   drive: the force and torque that the strain exerts on spheres held still
+    R (u - u_inf) = F + strain_load,   strain_load: the force and torque that the strain exerts on spheres held still
 
 Conventions and ordering: `grand_mobility`.
 """
@@ -30,7 +30,7 @@ class Work(NamedTuple):
 
     mobility: np.ndarray  # (11N, 11N) grand mobility, then its Cholesky factor
     resistance: np.ndarray  # (6N, 6N) ordered (omega | u), lower triangle
-    drive: np.ndarray  # (6N,) torque and force exerted by the strain on spheres held still
+    strain_load: np.ndarray  # (6N,) torque and force exerted by the strain on spheres held still
     straining: np.ndarray  # (5N,) L_S^-1 E_inf
     raw: np.ndarray  # (RAW,) two-sphere functions of one pair as tabulated
     scalars: np.ndarray  # (11, 4) the same for the pairs 11, 12, 21, 22
@@ -72,7 +72,7 @@ def measure(positions, directions, distances):
 def eliminate_torques(resistance):
     """Free rotation: reduce R (6N) to the translational A (3N) in the trailing block (lower triangle); 0 or an error code.
 
-    The leading blocks then hold what `reduce_drive` and `angular_velocities` need.
+    The leading blocks then hold what `reduce_strain_load` and `angular_velocities` need.
     """
     m = resistance.shape[0] // 2
     rotation, coupling, translation = resistance[:m, :m], resistance[m:, :m], resistance[m:, m:]
@@ -84,17 +84,17 @@ def eliminate_torques(resistance):
 
 
 @njit(cache=True)
-def reduce_drive(resistance, drive):
-    """Reduce a drive (6N,) to that of torque-free spheres, in drive[3N:], after `eliminate_torques`."""
+def reduce_strain_load(resistance, strain_load):
+    """Reduce a strain_load (6N,) to that of torque-free spheres, in strain_load[3N:], after `eliminate_torques`."""
     m = resistance.shape[0] // 2
-    solve_lower(resistance[:m, :m], drive[:m], False)
-    add_product(resistance[m:, :m], drive[:m], drive[m:], -1.0)
+    solve_lower(resistance[:m, :m], strain_load[:m], False)
+    add_product(resistance[m:, :m], strain_load[:m], strain_load[m:], -1.0)
 
 
 @njit(cache=True)
-def angular_velocities(resistance, drive, linear, angular):
-    """omega - omega_inf (3N,) of torque-free spheres from u - u_inf (3N,), after `reduce_drive`."""
+def angular_velocities(resistance, strain_load, linear, angular):
+    """omega - omega_inf (3N,) of torque-free spheres from u - u_inf (3N,), after `reduce_strain_load`."""
     m = resistance.shape[0] // 2
-    angular[:] = drive[:m]
+    angular[:] = strain_load[:m]
     add_transposed_product(resistance[m:, :m], linear, angular, -1.0)
     solve_lower(resistance[:m, :m], angular, True)

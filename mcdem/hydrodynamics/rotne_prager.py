@@ -10,7 +10,7 @@ from typing import NamedTuple
 from numba import njit
 
 from mcdem.hydrodynamics.grand_mobility import force_torque_mobility
-from mcdem.hydrodynamics.level import Level, no_drive, no_two_body, single_stresslets
+from mcdem.hydrodynamics.level import Level, no_strain_load, no_two_body, single_stresslets
 from mcdem.hydrodynamics.linear_algebra import cholesky, inverse_from_cholesky
 from mcdem.hydrodynamics.resistance import NOT_POSITIVE_DEFINITE
 
@@ -34,7 +34,7 @@ LEVEL = Level(
     RotnePrager,
     lambda *_: RotnePrager(),
     resistance,
-    no_drive,
+    no_strain_load,
     no_two_body,
     single_stresslets,
     squeeze=lambda gap: 4.0 / 3.0,  # 1/(2 (1 - 5/8)) by the couplings of `grand_mobility` at r = 2a

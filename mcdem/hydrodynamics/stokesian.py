@@ -45,12 +45,12 @@ def two_body(level, work, radii, strain):
             lubrication.motion_scalars(gap, radii[i], radii[j], level.lubrication, work.raw, work.scalars)
             d = (work.directions[j, i, 0], work.directions[j, i, 1], work.directions[j, i, 2])
             lubrication.add_pair_resistance(work.scalars, i, j, d, work.resistance)
-            lubrication.add_pair_drive(work.scalars, i, j, d, strain, shift, work.drive)
+            lubrication.add_pair_strain_load(work.scalars, i, j, d, strain, shift, work.strain_load)
 
 
 @njit(cache=True)
-def two_body_of_strains(level, work, radii, strains, drives):
-    """Add the two-body part of every pair to the resistance and to what each of the strains (5, 5) exerts, drives (5, 6N)."""
+def two_body_of_strains(level, work, radii, strains, strain_loads):
+    """Add the two-body part of every pair to the resistance and to what each of the strains (5, 5) exerts, strain_loads (5, 6N)."""
     tensor = np.empty((3, 3))
     n = radii.shape[0]
     for i in range(n):
@@ -63,7 +63,7 @@ def two_body_of_strains(level, work, radii, strains, drives):
             lubrication.add_pair_resistance(work.scalars, i, j, d, work.resistance)
             for k in range(5):
                 five_tensor(strains[k], tensor)
-                lubrication.add_pair_drive(work.scalars, i, j, d, tensor, shift, drives[k])
+                lubrication.add_pair_strain_load(work.scalars, i, j, d, tensor, shift, strain_loads[k])
 
 
 @njit(cache=True)
@@ -86,7 +86,7 @@ LEVEL = Level(
     StokesianDynamics,
     _parameters,
     fts.resistance,
-    fts.strain_drive,
+    fts.strain_load,
     two_body,
     stresslets,
     squeeze=lambda gap: 1.0 / (4.0 * gap),  # the leading term of lubrication

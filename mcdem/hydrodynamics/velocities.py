@@ -13,7 +13,7 @@ from mcdem.hydrodynamics.undisturbed_flow import flow_component, spin_component
 
 @njit(cache=True)
 def solve_rates(level, work, positions, radii, flow, forces, torques):
-    """Rates of free spheres relative to the flow, (omega | u) into `work.drive` (6N,); arguments as `solve_velocities`.
+    """Rates of free spheres relative to the flow, (omega | u) into `work.strain_load` (6N,); arguments as `solve_velocities`.
 
     Returns 0 or an error code.
     """
@@ -22,9 +22,9 @@ def solve_rates(level, work, positions, radii, flow, forces, torques):
     code = levels.resistance(level, work, radii)
     if code != 0:
         return code
-    levels.strain_drive(level, work, flow.strain_five)
+    levels.strain_load(level, work, flow.strain_five)
     levels.two_body(level, work, radii, flow.strain)
-    rates = work.drive
+    rates = work.strain_load
     for i in range(n):
         for k in range(3):
             rates[3 * i + k] += torques[i, k]
@@ -51,7 +51,7 @@ def solve_velocities(level, work, positions, radii, flow, forces, torques, stres
     code = solve_rates(level, work, positions, radii, flow, forces, torques)
     if code != 0:
         return code, linear, angular
-    rates = work.drive
+    rates = work.strain_load
     levels.stresslets(level, work, radii, rates, flow.strain_five, stresslet)
     for i in range(n):
         for k in range(5):

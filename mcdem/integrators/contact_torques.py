@@ -1,6 +1,6 @@
 """Steps of primaries whose contacts resist sliding, rolling or twisting: the turns of the spheres are unknowns too.
 
-    R (z/dt - z_inf) = drive + F_non-contact(mid) + contacts(x1, z),   z = (turns | displacements) of the step, 6N
+    R (z/dt - z_inf) = strain_load + F_non-contact(mid) + contacts(x1, z),   z = (turns | displacements) of the step, 6N
 
 with the resistance R of the spheres at the extrapolated midpoint, as in `implicit_midpoint`.  A contact's normal force is the one
 there; its springs (`effects.tangential`) start from their history, turned to the middle of the step, and are taken at the
@@ -92,8 +92,8 @@ def torque_work(n: int) -> TorqueWork:
 
 
 @njit(cache=True)
-def drive(flow, work, torques):
-    """R z_inf + drive + forces into torques.driving; returns 0."""
+def fill_driving(flow, work, torques):
+    """R z_inf + strain_load + forces into torques.driving; returns 0."""
     hydro = work.hydrodynamics
     n = torques.turns.shape[0]
     m = 3 * n
@@ -104,7 +104,7 @@ def drive(flow, work, torques):
     velocities_of_flow(flow, work.middle, ambient[m:])
     multiply_symmetric(hydro.resistance, ambient, driving)
     for row in range(2 * m):
-        driving[row] += hydro.drive[row]
+        driving[row] += hydro.strain_load[row]
     for i in range(n):
         for k in range(3):
             driving[m + 3 * i + k] += work.forces[i, k]

@@ -46,7 +46,7 @@ class Keys(Table):
     base_step: Annotated[float, TIME.positive.between("1e-15 s", "1e6 s", '"1 us"')] = 1e-6
     """Base time step dt_b (Table 1)."""
     step_velocity: Literal["relative", "normal"] = "relative"
-    """Velocity that Eq. 20 bounds: "relative", its literal reading, or "normal", that along the line of centres."""
+    """Velocity that Eq. 20 bounds: "relative", its literal convention, or "normal", that along the line of centres."""
     close_gap: Annotated[float, DIMENSIONLESS.positive.between("1e-9", "1e4", "1")] = 1.0
     """Gap over radius below which Eq. 20 counts two primaries as close; the paper does not say (assumption)."""
 
@@ -124,7 +124,7 @@ def advance(group, flow, physics, options, log, end_time):
         return NOT_POSITIVE_DEFINITE
     for i in range(n):
         for k in range(3):
-            relative = hydro.drive[3 * (n + i) + k]
+            relative = hydro.strain_load[3 * (n + i) + k]
             motion.velocities[i, k] = relative + flow_component(flow.gradient, motion.positions, i, k)
     step = min(eq20_step(motion, motion.velocities, gaps, options), max(end_time - log.time[0], 1e-12))
     for i in range(n):

@@ -2,7 +2,7 @@
 
 A contact of the paper relaxes in 1 us, a hundredth of the shear time, so explicit steps are bound to that.  Here
 
-    A(x_mid) (x1 - x0)/dt = A u_inf(x_mid) + drive(x_mid) + F_non-contact(mid) + F_contact(x1)
+    A(x_mid) (x1 - x0)/dt = A u_inf(x_mid) + strain_load(x_mid) + F_non-contact(mid) + F_contact(x1)
 
 where A is the resistance of torque-free spheres.  Contact forces are the gradient of a function that is convex up
 to pull-off and straight beyond, so Newton on 3N unknowns with frozen hydrodynamics finds x1 in a few cheap
@@ -34,7 +34,7 @@ from mcdem.hydrodynamics.resistance import (
     Work,
     angular_velocities,
     eliminate_torques,
-    reduce_drive,
+    reduce_strain_load,
     workspace,
 )
 from mcdem.hydrodynamics.undisturbed_flow import velocities_of_flow
@@ -105,7 +105,7 @@ class Scratch(NamedTuple):
     gaps: np.ndarray  # (N, N) at the middle of the step
     end_gaps: np.ndarray  # (N, N)
     forces: np.ndarray  # (N, 3)
-    driving: np.ndarray  # (3N,) A u_inf + drive + forces
+    driving: np.ndarray  # (3N,) A u_inf + strain_load + forces
     jacobian: np.ndarray  # (3N, 3N)
     residual: np.ndarray  # (3N,)
     move: np.ndarray  # (3N,)
@@ -175,7 +175,7 @@ def drive_at_middle(motion, flow, physics, middle, tolerance, work):
 def drive_spheres(flow, work, torques):
     """What drives the spheres, by what they can do: turn freely, or turn against the torques of their contacts."""
     if torques is not None:
-        return contact_torques.drive(flow, work, torques)
+        return contact_torques.fill_driving(flow, work, torques)
     return drive_torque_free(flow, work)
 
 
@@ -186,14 +186,14 @@ def drive_torque_free(flow, work):
     n = work.middle.shape[0]
     if eliminate_torques(hydro.resistance) != 0:
         return NOT_POSITIVE_DEFINITE
-    reduce_drive(hydro.resistance, hydro.drive)
+    reduce_strain_load(hydro.resistance, hydro.strain_load)
     m = 3 * n
     velocities_of_flow(flow, work.middle, work.residual)
     multiply_symmetric(hydro.resistance[m:, m:], work.residual, work.move)
     for i in range(n):
         for k in range(3):
             row = 3 * i + k
-            work.driving[row] = hydro.drive[m + row] + work.forces[i, k] + work.move[row]
+            work.driving[row] = hydro.strain_load[m + row] + work.forces[i, k] + work.move[row]
     return 0
 
 
@@ -208,7 +208,7 @@ def learn_moments(motion, flow, step, work, torques):
         for k in range(3):
             work.move[3 * i + k] = motion.velocities[i, k] - work.residual[3 * i + k]
     if torques is None:
-        angular_velocities(hydro.resistance, hydro.drive, work.move, spin)
+        angular_velocities(hydro.resistance, hydro.strain_load, work.move, spin)
     else:
         contact_torques.spins(flow.gradient, step, torques, spin)
     frozen_far_field.learn(work.kept, hydro, spin, work.move)

@@ -3,14 +3,14 @@
 The story, told by `run` and `Process`:
 
 1. the sample volume holds `population.initial` free primary particles;
-2. the clocks of all pairs tell which two aggregates meet next, and when (`event_selection`, Eqs. 1-6);
+2. the event selection draws which two aggregates meet next, and when (`event_selection`, Eqs. 1-6);
 3. the encounter is resolved by the motion of every primary particle (`encounter`): what comes out takes its parents'
    places, with its own geometry;
 4. when the aggregates have become few, an exact copy of all is added and the volume doubled;
 5. back to 2, until the wanted time or number of encounters.
 
 Everything drawn at random is a function of the seed and of its place in the process (`random_streams`), so a run
-repeats bit for bit, however its encounters are computed: here, ahead of time on other processors (`foresight`,
+repeats bit for bit, however its encounters are computed: here, ahead of time on other processors (`speculative_execution`,
 `executors`), or after a restart (`record`).
 """
 
@@ -36,7 +36,7 @@ from mcdem.monte_carlo.executors import Encounter, EngineError
 from mcdem.monte_carlo.expected_output import MOST_UNCHANGED
 from mcdem.monte_carlo.population import Population, Product
 from mcdem.monte_carlo.record import Record
-from mcdem.monte_carlo.speculative_execution import Foresight
+from mcdem.monte_carlo.speculative_execution import SpeculativeExecution
 from mcdem.netcdf.whole_files import FILES, RUN
 from mcdem.quantities.random_streams import checked
 from mcdem.scene import Scene
@@ -68,7 +68,7 @@ def multiples(every: float, since: float, begin: float, end: float) -> range:
 
 @dataclass
 class Process:
-    """The suspension in time: a population, the clocks of its pairs, and the record of what happened."""
+    """The suspension in time: a population, the selection of its encounters, and the record of what happened."""
 
     scene: Scene
     population: Population
@@ -87,8 +87,8 @@ class Process:
     @classmethod
     def resume(cls, scene: Scene, path: Path) -> Process:
         """The process as a dataset left it."""
-        record, time, population, clocks = Record.read(path, scene)
-        return cls(scene, population, event_selection(scene, population, record.seed, clocks), record, time)
+        record, time, population, selection = Record.read(path, scene)
+        return cls(scene, population, event_selection(scene, population, record.seed, selection), record, time)
 
     @property
     def events(self) -> int:
@@ -130,8 +130,8 @@ class Process:
         self.record.sample(self.time, self.population)
         return changed
 
-    def write(self, path: Path, computed_in_vain: int) -> None:
-        self.record.write(path, self.time, self.population, self.selection.state(), computed_in_vain)
+    def write(self, path: Path, discarded: int) -> None:
+        self.record.write(path, self.time, self.population, self.selection.state(), discarded)
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class Summary:
     """"time", "events", "interruption", or "one aggregate left"."""
     computed: int
     """Encounters computed by this call, ..."""
-    computed_in_vain: int
+    discarded: int
     """... those among them that did not take place, ..."""
     elapsed: float
     """... and its wall-clock time [s]."""
@@ -225,7 +225,7 @@ def run(
         crew = _crew(executor, workers)
         with crew as (pool, width):
             compute = executors.computation(scene, encounter, process.record.seed, pool)
-            foresight = Foresight(
+            speculation = SpeculativeExecution(
                 compute,
                 pool,
                 width,
@@ -233,7 +233,7 @@ def run(
                 process.selection,
                 alone=isinstance(pool, executors.Here),
             )
-            writing = _Writing(process, path, foresight, checkpoint_every)
+            writing = _Writing(process, path, speculation, checkpoint_every)
             pace = _Pace(process, end, events, started)
             writing.now()
             ended_by = ""
@@ -242,7 +242,7 @@ def run(
                 if left is not None and left <= 0:
                     ended_by = "events"
                     continue
-                ahead = process.selection.ahead(foresight.depth).cut(left, end)
+                ahead = process.selection.ahead(speculation.depth).cut(left, end)
                 if not len(ahead):
                     if end is not None:
                         process.wait(max(end, process.time))
@@ -250,7 +250,7 @@ def run(
                     continue
                 try:
                     with interruption.allowed():
-                        result = foresight.result(ahead)
+                        result = speculation.result(ahead)
                 except KeyboardInterrupt:
                     ended_by = "interruption"
                     continue
@@ -266,11 +266,11 @@ def run(
                             "--resume, maybe on fewer workers"
                         ) from problem
                     raise
-                foresight.happened(process.encounter(ahead.meeting(0), result))
+                speculation.happened(process.encounter(ahead.meeting(0), result))
                 writing.if_due()
                 if progress is not None and pace.report_due():
                     progress(pace.report())
-            foresight.close()
+            speculation.close()
             writing.now()
             if progress is not None:
                 progress(pace.report())
@@ -280,8 +280,8 @@ def run(
         process.events,
         process.record.outcomes,
         ended_by,
-        foresight.computed,
-        foresight.in_vain,
+        speculation.computed,
+        speculation.discarded,
         clock.monotonic() - started,
     )
 
@@ -324,13 +324,13 @@ def _crew(executor: Executor | None, workers: int) -> Iterator[executors.Crew]:
 class _Writing:
     """Writes the dataset now and then."""
 
-    def __init__(self, process: Process, path: Path, foresight: Foresight, every: float) -> None:
-        self._process, self._path, self._foresight, self._every = process, path, foresight, every
+    def __init__(self, process: Process, path: Path, speculation: SpeculativeExecution, every: float) -> None:
+        self._process, self._path, self._speculation, self._every = process, path, speculation, every
         self._next = 0.0
 
     def now(self) -> None:
         began = clock.monotonic()
-        self._process.write(self._path, self._foresight.in_vain)
+        self._process.write(self._path, self._speculation.discarded)
         ended = clock.monotonic()
         self._next = ended + max(self._every, (ended - began) / SHARE_OF_WRITING)
 

@@ -7,7 +7,7 @@ Layout (every variable carries `units` and `long_name`; ragged rows are CF conti
     /snapshots   geometry of every aggregate at the start, at each multiple of `run.snapshot_every`, and at the end;
                  between two encounters at the first ten multiples alone, as nothing changes after them
     /kept        geometry of the parents of chosen encounters, by default those left unresolved, with the reason
-    /checkpoint  what else it takes to continue bit for bit: places, serial numbers, clocks
+    /checkpoint  what else it takes to continue bit for bit: places, serial numbers, state of the event selection
 
 The attribute `history` has a line for each call of `run` that computed a part: from which event on, with what versions.
 
@@ -52,7 +52,7 @@ FORMAT = 1
 
 TIMING = ("cpu_time",)
 """Variables that measure the machine, not the suspension."""
-ORIGIN_OF_THE_WRITING = ("command", "date_modified", "software", "history", "computed_in_vain", "checksum")
+ORIGIN_OF_THE_WRITING = ("command", "date_modified", "software", "history", "discarded", "computed_in_vain", "checksum")
 """Attributes that may differ between two datasets of the same process."""
 
 LIBRARY_LOCK = combine_locks([NETCDFC_LOCK, HDF5_LOCK])
@@ -415,18 +415,18 @@ class Record:
     # To the file
 
     def write(
-        self, path: Path, time: float, population: Population, clocks: dict[str, Any], computed_in_vain: int
+        self, path: Path, time: float, population: Population, selection: dict[str, Any], discarded: int
     ) -> None:
         """Replace the file at `path` by one that holds everything until `time` [s]; all or nothing."""
         self.snapshots.append(time, population)
         try:
             with written(path) as file:
-                self._fill(file, population, clocks, computed_in_vain)
+                self._fill(file, population, selection, discarded)
         finally:
             self.snapshots.drop_last()
 
     def _fill(
-        self, file: netCDF4.Dataset, population: Population, clocks: dict[str, Any], computed_in_vain: int
+        self, file: netCDF4.Dataset, population: Population, selection: dict[str, Any], discarded: int
     ) -> None:
         _describe(
             file,
@@ -443,7 +443,7 @@ class Record:
                 "history": "\n".join(self.history),
                 "command": _command(),
                 "date_modified": datetime.now(UTC).isoformat(timespec="seconds"),
-                "computed_in_vain": computed_in_vain,
+                "discarded": discarded,
                 "checksum": SEALED,
             },
         )
@@ -457,7 +457,7 @@ class Record:
         state = {
             "place": np.array([place for place, _ in population], dtype=np.int64),
             "next_serial": population.next_serial,
-            **clocks,
+            **selection,
         }
         _put_state(file.createGroup("checkpoint"), state)
 
@@ -465,7 +465,7 @@ class Record:
 
     @classmethod
     def read(cls, path: Path, scene: Scene) -> tuple[Record, float, Population, dict[str, Any]]:
-        """What `write` wrote: the record, the time [s], the population and the state of the clocks."""
+        """What `write` wrote: the record, the time [s], the population and the state of the event selection."""
         with opened(path) as (file,):
             _refuse_another_scene(path, str(file.scene), scene)
             record = cls(scene, int(file.seed), tuple(str(file.keep_parents).split()))

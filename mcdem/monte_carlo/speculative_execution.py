@@ -1,10 +1,10 @@
 """Computing the encounters ahead while the present one is still being computed.
 
-An encounter is a function of its two aggregates and its own random stream.  The clocks tell which encounters come next
+An encounter is a function of its two aggregates and its own random stream.  The event selection tells which come next
 if nothing changes.  One whose two aggregates are known is computed ahead: they are known if no encounter before it
 involves them, or if those that do are computed already and left them whole, reshaped perhaps.  When its turn comes, its
-result is used only if both aggregates are the very ones it was computed with; otherwise it was computed in vain and is
-done again.  So the process is the same whatever the number of workers, the order or the place of the computation.
+result is used only if both aggregates are the very ones it was computed with; otherwise it is discarded and the encounter
+computed again.  So the process is the same whatever the number of workers, the order or the place of the computation.
 """
 
 from __future__ import annotations
@@ -72,14 +72,14 @@ class Ahead:
         return self.after[self.places.index(place)]
 
 
-class Foresight:
+class SpeculativeExecution:
     """Results of encounters, most of them ready when asked for.
 
     Attributes
     ----------
     depth : how many encounters ahead are looked at
-    computed : encounters computed, those in vain included
-    in_vain : encounters computed, or begun, that did not take place
+    computed : encounters computed, those discarded included
+    discarded : encounters computed, or begun, that did not take place
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class Foresight:
     ) -> None:
         self.depth = 1 if alone else DEPTH * workers
         self.computed = 0
-        self.in_vain = 0
+        self.discarded = 0
         self._compute = compute
         self._executor = executor
         self._population = population
@@ -224,7 +224,7 @@ class Foresight:
         if ahead.future.cancel():
             self.computed -= 1
         else:
-            self.in_vain += 1
+            self.discarded += 1
         for place in ahead.places:
             for later in self._chain[place][bisect_left(self._chain[place], number) :]:
                 self._forget(later)

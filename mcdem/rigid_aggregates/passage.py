@@ -9,6 +9,8 @@ For two spheres what is left out is of order (a/r)^7 of their relative velocity.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -16,7 +18,7 @@ from mcdem.hydrodynamics.grand_mobility import five_tensor
 from mcdem.hydrodynamics.undisturbed_flow import spin_component
 from mcdem.integrators.parting import surely_apart
 from mcdem.integrators.rotations import multiply, rotation, turn_back
-from mcdem.rigid_aggregates.statics import present_load
+from mcdem.rigid_aggregates.statics import RigidBody, present_load
 
 
 @njit(cache=True)
@@ -127,9 +129,35 @@ def pair_rates(first, second, turns, centres, gradient, strain, velocities, spin
     return load, tension
 
 
+class Pair(NamedTuple):
+    """Two rigid bodies on their way; turns and centres are carried along."""
+
+    first: RigidBody
+    second: RigidBody
+    turns: np.ndarray  # (2, 3, 3) rotations since they were analysed
+    centres: np.ndarray  # (2, 3)
+
+
+class Limits(NamedTuple):
+    """How long two bodies are followed."""
+
+    duration: float  # time [1/g]
+    step: float  # of the midpoint rule, second order
+    load: float  # share of its strength that a contact may bear
+
+
 @njit(cache=True)
-def step_together(first, second, turns, centres, gradient, strain, velocities, spins, step):
-    """Carry turns (2, 3, 3) and centres (2, 3) over one step by the midpoint rule; the rates given are those at its start."""
+def rates_of(pair, flow, velocities, spins):
+    """`pair_rates` of two bodies where they are."""
+    return pair_rates(
+        pair.first, pair.second, pair.turns, pair.centres, flow.gradient, flow.strain, velocities, spins
+    )
+
+
+@njit(cache=True)
+def step_together(pair, flow, velocities, spins, step):
+    """Carry two bodies over one step by the midpoint rule; the rates given are those at its start."""
+    turns, centres = pair.turns, pair.centres
     middle_turns, middle = np.empty((2, 3, 3)), np.empty((2, 3))
     turn, after = np.empty((3, 3)), np.empty((3, 3))
     for which in range(2):
@@ -137,7 +165,7 @@ def step_together(first, second, turns, centres, gradient, strain, velocities, s
         multiply(turn, turns[which], middle_turns[which])
         for k in range(3):
             middle[which, k] = centres[which, k] + 0.5 * step * velocities[which, k]
-    pair_rates(first, second, middle_turns, middle, gradient, strain, velocities, spins)
+    rates_of(Pair(pair.first, pair.second, middle_turns, middle), flow, velocities, spins)
     for which in range(2):
         rotation(spins[which] * step, turn)
         multiply(turn, turns[which], after)
@@ -159,32 +187,32 @@ def closing_speed(centres, velocities):
 
 
 @njit(cache=True)
-def approach(first, second, turns, centres, gradient, strain, near, duration, step, limit):
+def approach(pair, flow, near, limits):
     """Bring two rigid bodies together until their centres are `near` apart; returns (time passed, largest tension over strength).
 
-    turns (2, 3, 3) and centres (2, 3) are carried along by the midpoint rule, second order.  It stops early when a
-    contact would bear more than `limit` of its strength, when they recede, or when `duration` has passed.
+    It stops early when a contact would bear more than its limit, when they recede, or when the duration has passed.
     """
     velocities, spins = np.empty((2, 3)), np.empty((2, 3))
     elapsed, largest = 0.0, 0.0
-    while elapsed < duration - 1e-12:
-        load, tension = pair_rates(first, second, turns, centres, gradient, strain, velocities, spins)
-        if load > limit:
+    while elapsed < limits.duration - 1e-12:
+        load, tension = rates_of(pair, flow, velocities, spins)
+        if load > limits.load:
             break
         largest = max(largest, tension)
-        distance, closing = closing_speed(centres, velocities)
+        distance, closing = closing_speed(pair.centres, velocities)
         if distance <= near or closing <= 0.0:
             break
-        h = min(step, duration - elapsed, max(0.05 * distance, distance - near) / closing)
+        h = min(limits.step, limits.duration - elapsed, max(0.05 * distance, distance - near) / closing)
         h = max(h, 1e-3)
-        step_together(first, second, turns, centres, gradient, strain, velocities, spins, h)
+        step_together(pair, flow, velocities, spins, h)
         elapsed += h
     return elapsed, largest
 
 
 @njit(cache=True)
-def smallest_gap(first, second, turns, centres, radii_first, radii_second):
+def smallest_gap(pair, radii_first, radii_second):
     """Smallest gap between a primary of one body and one of the other."""
+    first, second, turns, centres = pair
     places = np.empty((first.positions.shape[0], 3))
     for i in range(places.shape[0]):
         for k in range(3):
@@ -206,43 +234,42 @@ def smallest_gap(first, second, turns, centres, radii_first, radii_second):
     return smallest
 
 
+class Passing(NamedTuple):
+    """When two bodies surely miss each other."""
+
+    radii_first: np.ndarray  # (P_1,) of the primaries
+    radii_second: np.ndarray  # (P_2,)
+    reaches: np.ndarray  # (2,) outer radii of the bodies
+    margin: float  # gap that no two primaries may fall below
+    apart: float  # distance over the sum of the outer radii from which they may be surely apart (`parting`)
+
+
 @njit(cache=True)
-def pass_by(
-    first,
-    second,
-    turns,
-    centres,
-    radii_first,
-    radii_second,
-    gradient,
-    strain,
-    margin,
-    reaches,
-    apart,
-    duration,
-    step,
-    limit,
-):
+def pass_by(pair, flow, passing, limits):
     """Let two rigid bodies pass each other; (whether they surely miss, time passed, largest tension over strength, smallest gap).
 
-    They surely miss if no two of their primaries come closer than `margin`, no contact ever bears more than `limit` of its
-    strength, and they are surely apart (`parting`) at a distance of at least `apart` times the sum of their `reaches` (2,), or
-    `duration` passes before.
-    turns (2, 3, 3) and centres (2, 3) are carried along as in `approach`.
+    They surely miss if no two of their primaries come closer than the margin, no contact ever bears more than its limit, and they
+    are surely apart in the end, or the duration passes before.
     """
     velocities, spins = np.empty((2, 3)), np.empty((2, 3))
     elapsed, largest, closest = 0.0, 0.0, np.inf
-    while elapsed < duration - 1e-12:
-        load, tension = pair_rates(first, second, turns, centres, gradient, strain, velocities, spins)
+    centres, reaches = pair.centres, passing.reaches
+    while elapsed < limits.duration - 1e-12:
+        load, tension = rates_of(pair, flow, velocities, spins)
         largest = max(largest, tension)
-        closest = min(closest, smallest_gap(first, second, turns, centres, radii_first, radii_second))
-        if load > limit or closest < margin:
+        closest = min(closest, smallest_gap(pair, passing.radii_first, passing.radii_second))
+        if load > limits.load or closest < passing.margin:
             return False, elapsed, largest, closest
         if surely_apart(
-            centres[1] - centres[0], velocities[1] - velocities[0], gradient, reaches[1], reaches[0], apart
+            centres[1] - centres[0],
+            velocities[1] - velocities[0],
+            flow.gradient,
+            reaches[1],
+            reaches[0],
+            passing.apart,
         ):
             return True, elapsed, largest, closest
-        h = min(step, duration - elapsed)
-        step_together(first, second, turns, centres, gradient, strain, velocities, spins, h)
+        h = min(limits.step, limits.duration - elapsed)
+        step_together(pair, flow, velocities, spins, h)
         elapsed += h
     return True, elapsed, largest, closest

@@ -7,7 +7,7 @@ motion and its tensions are linear in the strain seen from the body, with coeffi
 
 Q turns body to laboratory.  The worst tension over all orientations follows from the eigenvalues of response_b:
 for symmetric tensors A and E the largest A : Q^T E Q is the sum of products of their sorted eigenvalues.  An
-aggregate whose worst tension stays below pull-off is *inert*: nothing can happen to it alone.
+aggregate whose worst tension stays below pull-off is *mechanically stable in every orientation*: nothing can happen to it alone.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mcdem.hydrodynamics import level as levels
 from mcdem.hydrodynamics.grand_mobility import five_tensor, tensor_to_five
 from mcdem.hydrodynamics.level import is_coupled
 from mcdem.hydrodynamics.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
-from mcdem.hydrodynamics.resistance import angular_velocities, eliminate_torques, measure, reduce_drive
+from mcdem.hydrodynamics.resistance import angular_velocities, eliminate_torques, measure, reduce_strain_load
 from mcdem.hydrodynamics.undisturbed_flow import spin_component
 from mcdem.integrators.pairs import FORCE_RANGE
 from mcdem.integrators.rotations import multiply, rotation, turn_back
@@ -219,8 +219,8 @@ def analyse(work, positions, bonded, radii, physics):
     level = physics.level
     if levels.resistance(level, work, radii) != 0:
         return FAILED, body
-    unit, drives = np.eye(5), np.empty((5, 6 * n))
-    drive_by_strains(level, work, radii, unit, drives)
+    unit, strain_loads = np.eye(5), np.empty((5, 6 * n))
+    loads_of_strains(level, work, radii, unit, strain_loads)
     if eliminate_torques(work.resistance) != 0:
         return FAILED, body
     m = 3 * n
@@ -235,11 +235,11 @@ def analyse(work, positions, bonded, radii, physics):
     response = np.zeros((count, 5))
     relative, load, rates, own = np.empty(m), np.empty(m), np.empty(6 * n), np.empty(6)
     for k in range(5):
-        drive = drives[k]
-        reduce_drive(work.resistance, drive)
-        move_as_body(matrix, positions, rigid, drive[m:], unit[k], own, relative, load)
+        strain_load = strain_loads[k]
+        reduce_strain_load(work.resistance, strain_load)
+        move_as_body(matrix, positions, rigid, strain_load[m:], unit[k], own, relative, load)
         keep_motion(body, k, own)
-        angular_velocities(work.resistance, drive, relative, rates[:m])
+        angular_velocities(work.resistance, strain_load, relative, rates[:m])
         rates[m:] = relative
         add_stresslet(level, work, radii, positions, rates, load, unit[k], body.stresslet[:, k])
         # Contacts supply the load: K displacement = -load.
@@ -280,12 +280,12 @@ def linear_contact(gap, radius, contact):
 
 
 @njit(cache=True)
-def drive_by_strains(level, work, radii, unit, drives):
-    """What the strains `unit` (5, 5) drive, into drives (5, 6N); lubrication goes into the resistance as well."""
+def loads_of_strains(level, work, radii, unit, strain_loads):
+    """What the strains `unit` (5, 5) strain_load, into strain_loads (5, 6N); lubrication goes into the resistance as well."""
     for k in range(5):
-        levels.strain_drive(level, work, unit[k])
-        drives[k] = work.drive
-    levels.two_body_of_strains(level, work, radii, unit, drives)
+        levels.strain_load(level, work, unit[k])
+        strain_loads[k] = work.strain_load
+    levels.two_body_of_strains(level, work, radii, unit, strain_loads)
 
 
 @njit(cache=True)
@@ -298,10 +298,10 @@ def pull_of_modes(matrix, modes):
 
 
 @njit(cache=True)
-def move_as_body(matrix, positions, rigid, drive, strain_five, motion, relative, load):
+def move_as_body(matrix, positions, rigid, strain_load, strain_five, motion, relative, load):
     """Rigid motion (6,), translation then rotation, of a force-free body in a strain (5,), into `motion`.
 
-    matrix, drive : resistance (m, m) and drive (m,); displacements of the spheres are the last 3P
+    matrix, strain_load : resistance (m, m) and strain_load (m,); displacements of the spheres are the last 3P
     relative, load : motion (m,) relative to the strain, and what the fluid asks of the contacts (m,)
     """
     tensor = np.empty((3, 3))
@@ -319,7 +319,7 @@ def move_as_body(matrix, positions, rigid, drive, strain_five, motion, relative,
             )
     multiply_symmetric(matrix, relative, load)
     for row in range(m):
-        load[row] -= drive[row]
+        load[row] -= strain_load[row]
     for p in range(6):
         motion[p] = 0.0
         for row in range(m):
@@ -348,7 +348,7 @@ def add_stresslet(level, work, radii, positions, rates, load, strain_five, stres
     n = radii.shape[0]
     first = load.shape[0] - 3 * n
     five, extra, moment = np.empty((n, 5)), np.empty(5), np.zeros((3, 3))
-    levels.strain_drive(level, work, strain_five)
+    levels.strain_load(level, work, strain_five)
     levels.stresslets(level, work, radii, rates, strain_five, five)
     for i in range(n):
         for c in range(5):

@@ -48,10 +48,10 @@ from mcdem.rigid_aggregates.statics import (
     RigidMotions,
     add_stresslet,
     count_contacts,
-    drive_by_strains,
     empty_body,
     keep_motion,
     linear_contact,
+    loads_of_strains,
     move_as_body,
     of_sphere,
     pull_of_modes,
@@ -281,14 +281,14 @@ def analyse_with_torques(work, positions, bonded, springs, radii, physics):
     level = physics.level
     if levels.resistance(level, work, radii) != 0:
         return FAILED, body
-    unit, drives = np.eye(5), np.empty((5, 2 * m))
-    drive_by_strains(level, work, radii, unit, drives)
+    unit, strain_loads = np.eye(5), np.empty((5, 2 * m))
+    loads_of_strains(level, work, radii, unit, strain_loads)
     rigid = RigidMotions(modes, pull_of_modes(work.resistance, modes), np.zeros((6, 6)))
     if not rigid_resistance(rigid, 0.0):
         return FAILED, body
     relative, load, own = np.empty(2 * m), np.empty(2 * m), np.empty(6)
     for k in range(5):
-        move_as_body(work.resistance, positions, rigid, drives[k], unit[k], own, relative, load)
+        move_as_body(work.resistance, positions, rigid, strain_loads[k], unit[k], own, relative, load)
         keep_motion(body, k, own)
         add_stresslet(level, work, radii, positions, relative, load, unit[k], body.stresslet[:, k])
         # Contacts supply the load: K motion = -load.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
-from mcdem.analysis.breakup import READINGS, breakups, summarise
+from mcdem.analysis.breakup import CONVENTIONS, breakups, summarise
 from mcdem.analysis.statistics import (
     GIVENS,
     OF_MEANS,
@@ -325,7 +325,7 @@ def test_breakups_by_hand():
     assert alone["event"].values.tolist() == [3, 3, 4, 4, 5]
     assert alone["parent_size"].values.tolist() == [8, 8, 9, 11, 12]
     np.testing.assert_allclose(alone["largest_fragment"], [5 / 8, 7 / 8, 8 / 9, 10 / 11, 11 / 12])
-    paper, strict, own = (summarise(broken, reading) for reading in READINGS)
+    paper, strict, own = (summarise(broken, convention) for convention in CONVENTIONS)
     assert (own["breakups"], own["P_br"], own["erosion_share"]) == (5, 9.6, 0.4)
     assert (paper["breakups"], strict["breakups"]) == (4, 3)
     assert (paper["P_br"], strict["P_br"]) == (15, 16)

@@ -1,4 +1,4 @@
-"""Every kind of force in the steps of an encounter, against the motion of two spheres that their force alone drives."""
+"""Every kind of force in the steps of an encounter, against the motion of two spheres that their force alone strain_loads."""
 
 from __future__ import annotations
 

@@ -524,7 +524,7 @@ def test_the_schemes_agree_on_every_outcome_as_both_steps_are_refined():
     """32 encounters of 2 to 8 primaries, 13 of which touch.
 
     Steps: implicit from 0.2/g, explicit from the paper's 1 us, which is at 0.9 of a contact's relaxation time.  The bound of
-    Eq. 20 is kept, read by the normal component (see the next test for its literal reading).
+    Eq. 20 is kept, read by the normal component (see the next test for its literal convention).
     """
     numbers = range(len(starts()))
     assert len(numbers) >= 30

@@ -8,7 +8,7 @@ from small_runs import small_runs
 from trimer import turning_trimer
 from typer.testing import CliRunner
 
-from mcdem.analysis.breakup import READINGS, in_reading
+from mcdem.analysis.breakup import CONVENTIONS, in_convention
 from mcdem.analysis.dataset import Run
 from mcdem.commands.main import app
 from mcdem.encounter import trajectory
@@ -68,9 +68,9 @@ def test_distributions_count_every_aggregate():
     assert int(numbers_of("fig12a")["count"].sum()) == int((run.population(-1)["size"] > 2).sum())
     assert int(numbers_of("outcome_offset")["count"].sum()) == run.events.sizes["event"]
     late = (run.breakups["time"] >= run.steady.start).values
-    for reading in READINGS:
-        counted = int(numbers_of("fig16")["count"].sel(reading=reading).sum())
-        assert counted == (late & in_reading(run.breakups, reading)).sum() > 0
+    for convention in CONVENTIONS:
+        counted = int(numbers_of("fig16")["count"].sel(convention=convention).sum())
+        assert counted == (late & in_convention(run.breakups, convention)).sum() > 0
 
 
 def test_stresses_may_have_any_number_of_replicas():

@@ -29,14 +29,14 @@ def far_field(kept, work, positions, tolerance, share=0.0):
 def load(work, rates):
     """Torques and forces (6N,) exerted on the fluid by spheres that move at rates (6N,)."""
     lower = np.tril(work.resistance)
-    return (lower + np.tril(lower, -1).T) @ rates - work.drive
+    return (lower + np.tril(lower, -1).T) @ rates - work.strain_load
 
 
 def exact(positions, rates):
     work = workspace(len(positions))
     measure(positions, work.directions, work.distances)
     assert fts.far_field_resistance(work, np.ones(len(positions))) == 0
-    fts.far_field_drive(work, FIVE)
+    fts.far_field_strain_load(work, FIVE)
     return load(work, rates)
 
 

@@ -412,9 +412,9 @@ def test_the_two_readings_of_the_cutoff_differ_in_the_strain_alone():
     positions = np.array([[0, 0, 0], [0, 1, 1.0]]) * 2.002 / math.sqrt(2)
     matrix, gap = (
         FULL.with_changes(
-            {"hydrodynamics.lubrication_cutoff": 5e-3, "hydrodynamics.cutoff_convention": reading}
+            {"hydrodynamics.lubrication_cutoff": 5e-3, "hydrodynamics.cutoff_convention": convention}
         )
-        for reading in ("matrix", "gap")
+        for convention in ("matrix", "gap")
     )
     forces = np.array([[1.0, 0, 0], [-1.0, 0.5, 0]])
     by_force = [

@@ -6,7 +6,7 @@ import xarray as xr
 from small_runs import small_runs
 
 from mcdem.aggregates.morphology import morphology
-from mcdem.analysis.breakup import in_reading
+from mcdem.analysis.breakup import in_convention
 from mcdem.analysis.dataset import Run, by_stress, pooled_breakups
 from mcdem.analysis.statistics import size_moments
 from mcdem.errors import DataFileError, UserError
@@ -52,7 +52,7 @@ def test_breakups_are_those_of_a_slow_recount(run):
             found.append((sizes.sum(), count, sizes.max() / sizes.sum()))
     assert len(found) > 10
     table = np.array(found)
-    together = run.breakups.isel(breakup=in_reading(run.breakups, "paper"))
+    together = run.breakups.isel(breakup=in_convention(run.breakups, "paper"))
     np.testing.assert_array_equal(together["parent_size"], table[:, 0])
     np.testing.assert_array_equal(together["fragments"], table[:, 1])
     np.testing.assert_allclose(together["largest_fragment"], table[:, 2])

@@ -25,7 +25,7 @@ from mcdem.analysis.dataset import Run
 from mcdem.errors import UserError
 from mcdem.monte_carlo import process as simulate
 from mcdem.monte_carlo.process import Process
-from mcdem.monte_carlo.speculative_execution import BEGUN, PASSED, UNTOUCHED, Foresight, ready
+from mcdem.monte_carlo.speculative_execution import BEGUN, PASSED, UNTOUCHED, SpeculativeExecution, ready
 from mcdem.netcdf.comparison import differences
 from mcdem.quantities.random_streams import stream
 from mcdem.scene import load_scene
@@ -44,7 +44,7 @@ def reference(tmp_path_factory) -> Path:
     """Computed in this process, one encounter after the other, without a stop."""
     path = tmp_path_factory.mktemp("reference") / "run.nc"
     summary = run(path)
-    assert summary.computed == EVENTS and summary.computed_in_vain == 0
+    assert summary.computed == EVENTS and summary.discarded == 0
     series = xr.open_dataset(path)
     assert series["volume"][-1] > series["volume"][0]  # doubled
     assert xr.open_datatree(path)["checkpoint"]["epoch"] > 5
@@ -59,7 +59,7 @@ def reference(tmp_path_factory) -> Path:
 def test_local_processes_give_the_same_dataset(reference, tmp_path, workers):
     summary = run(tmp_path / "run.nc", workers=workers)
     assert differences(reference, tmp_path / "run.nc") == []
-    assert summary.computed - summary.computed_in_vain == EVENTS
+    assert summary.computed - summary.discarded == EVENTS
 
 
 def test_any_executor_will_do(reference, tmp_path):
@@ -141,10 +141,10 @@ def test_the_batch_script_gives_the_dataset_of_one_process(tmp_path):
     assert differences(one, three) == []
 
 
-def test_foresight_counts_what_it_computed_in_vain(tmp_path):
+def test_discarded_encounters_are_counted(tmp_path):
     """Among three aggregates nothing ahead stands; where nothing ever changes, everything does."""
 
-    def in_vain(number: int, encounter) -> int:
+    def discarded(number: int, encounter) -> int:
         with ThreadPoolExecutor(2) as executor:
             summary = simulate.run(
                 synthetic.scene(population__initial=number),
@@ -153,11 +153,11 @@ def test_foresight_counts_what_it_computed_in_vain(tmp_path):
                 executor=executor,
                 encounter=encounter,
             )
-        assert summary.computed == 200 + summary.computed_in_vain
-        return summary.computed_in_vain
+        assert summary.computed == 200 + summary.discarded
+        return summary.discarded
 
-    assert in_vain(100, synthetic.always_miss) == 0
-    assert 0 < in_vain(40, synthetic.aggregation_and_breakup)
+    assert discarded(100, synthetic.always_miss) == 0
+    assert 0 < discarded(40, synthetic.aggregation_and_breakup)
 
 
 class Scrambled(Executor):
@@ -192,9 +192,9 @@ class Scrambled(Executor):
 def test_the_order_in_which_encounters_are_done_does_not_matter(encounter, workers):
     def follow(process: Process, result) -> list[bytes]:
         for _ in range(600):
-            ahead = process.selection.ahead(foresight.depth if result else 1)
+            ahead = process.selection.ahead(speculation.depth if result else 1)
             process_result = result(ahead) if result else compute_first(process, ahead)
-            foresight.happened(process.encounter(ahead.meeting(0), process_result))
+            speculation.happened(process.encounter(ahead.meeting(0), process_result))
         process.record.snapshots.append(process.time, process.population)
         tables = (
             process.record.series,
@@ -215,12 +215,12 @@ def test_the_order_in_which_encounters_are_done_does_not_matter(encounter, worke
     histories = []
     for ahead_of_time in (False, True):
         process, pool = Process.begin(scene, 7, ()), Scrambled(workers)
-        foresight = Foresight(compute, pool, workers, process.population, process.selection, finished=pool)
-        histories.append(follow(process, foresight.result if ahead_of_time else None))
-    foresight.close()
+        speculation = SpeculativeExecution(compute, pool, workers, process.population, process.selection, finished=pool)
+        histories.append(follow(process, speculation.result if ahead_of_time else None))
+    speculation.close()
     assert histories[0] == histories[1]
-    assert foresight.computed == 600 + foresight.in_vain
-    assert foresight.in_vain > 0 or workers == 1
+    assert speculation.computed == 600 + speculation.discarded
+    assert speculation.discarded > 0 or workers == 1
 
 
 def test_encounters_whose_aggregates_are_known_can_begin():

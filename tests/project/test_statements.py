@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mcdem.analysis.dataset import Run, by_stress
-from mcdem.analysis.paper_comparison import JUDGED_READING, JUDGED_REGRESSION, breakup_exponents, compare
+from mcdem.analysis.paper_comparison import JUDGED_CONVENTION, JUDGED_REGRESSION, breakup_exponents, compare
 from pbekit.tables.kernel_table import SOURCES, KernelTable
 
 ROOT = Path(__file__).parents[2]
@@ -80,13 +80,13 @@ def test_the_readme_quotes_what_the_comparison_says(runs):
 
     assert quoted("d_g, k_g") == f"{around(d_g)}, {around(k_g)}"
     assert quoted("d_o") == around(d_o)
-    assert JUDGED_READING == "paper"
+    assert JUDGED_CONVENTION == "paper"
     assert quoted(
         "largest fragment"
-    ) == f"{rows['largest fragment 0.45 to 0.75 of the parent, its own reading'].measured:.0%}".replace(
+    ) == f"{rows['largest fragment 0.45 to 0.75 of the parent, its own convention'].measured:.0%}".replace(
         "%", " %"
     )
-    eroded = rows["erosion's share of breakups, its own reading"]
+    eroded = rows["erosion's share of breakups, its own convention"]
     assert eroded.measured == 0.0 and quoted("erosion") == f"below {100 * eroded.measured_high:.2f} %"
     alone = rows["share of isolated primaries among aggregates"]
     low, high = 100 * alone.measured_low, 100 * alone.measured_high
@@ -101,7 +101,7 @@ def test_the_readme_quotes_what_the_comparison_says(runs):
     exponents = {
         row.quantity.removeprefix("breakup exponent q of "): row for row in breakup_exponents(groups)
     }
-    mean, size = exponents["⟨P⟩"], exponents["P_br, its own reading"]
+    mean, size = exponents["⟨P⟩"], exponents["P_br, its own convention"]
     assert quoted("breakup exponent") == f"{around(mean)}, {around(size)}"
     at_750 = groups[750.0][0]
     sizes = np.concatenate(

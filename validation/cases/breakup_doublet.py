@@ -17,14 +17,14 @@ PAPER = (5e-3, "matrix")
 STATIC_STRESS = 1000.0
 
 
-def scene(cutoff: float, reading: str, stress: float = STATIC_STRESS):
+def scene(cutoff: float, convention: str, stress: float = STATIC_STRESS):
     import mcdem
 
     return mcdem.load_scene("scenes/paper-1000Pa.toml").with_changes(
         {
             "flow.shear_stress": f"{stress} Pa",
             "hydrodynamics.lubrication_cutoff": cutoff,
-            "hydrodynamics.cutoff_convention": reading,
+            "hydrodynamics.cutoff_convention": convention,
             "numerics.implicit.max_step": 0.05,
         }
     )
@@ -58,17 +58,17 @@ def parts(context: Context):
 def measure(context: Context, part):
     from validation.exact.alone import sheared, threshold
 
-    cutoff, reading = part
-    still = scene(cutoff, reading)
+    cutoff, convention = part
+    still = scene(cutoff, convention)
     jkr = still.kernels.contact
     adhesion = jkr.pull_off_force * still.reduced.force
     limit = adhesion / (math.pi * still.suspension.radius**2)
-    found = {"cutoff": cutoff, "reading": reading, "limit": limit}
+    found = {"cutoff": cutoff, "convention": convention, "limit": limit}
     if cutoff == 0.0:
         return found | {"static": limit / held(still, 1e-6), "dynamic": math.nan}
 
     def breaks(stress: float) -> bool:
-        moving = scene(cutoff, reading, stress)
+        moving = scene(cutoff, convention, stress)
         # From 80 degrees to 10 the doublet turns past the extension axis.
         result = sheared(moving, doublet(moving, math.radians(80.0)), 3.0, shortcuts=False)
         return math.isfinite(result.first_bond_loss_time)
@@ -81,7 +81,7 @@ def measure(context: Context, part):
 
 
 def judge(context: Context, found):
-    rows = {(n["cutoff"], n["reading"]): n for n in found.values()}
+    rows = {(n["cutoff"], n["convention"]): n for n in found.values()}
     whole = rows.pop((0.0, "matrix"))
     exact = whole["limit"] / TOUCHING_FORCE
     checks = [
@@ -106,8 +106,8 @@ def judge(context: Context, found):
         ),
         above("breakup stress in motion, as in the paper", rows[PAPER]["dynamic"], 1000.0, unit="Pa"),
     ]
-    for (cutoff, reading), n in rows.items():
-        said = f"delta = {cutoff:g}, frozen {reading}: breakup stress in motion over that by statics"
+    for (cutoff, convention), n in rows.items():
+        said = f"delta = {cutoff:g}, frozen {convention}: breakup stress in motion over that by statics"
         ratio = n["dynamic"] / n["static"]
         if cutoff >= 5e-3:
             checks += [above(said, ratio, 1.0), below(said, ratio, 1.05)]
@@ -116,12 +116,12 @@ def judge(context: Context, found):
 
     def draw():
         figure, axes = canvas(width=4.5, height=2.8)
-        for k, reading in enumerate(("matrix", "gap")):
-            here = [n for (_, r), n in rows.items() if r == reading]
+        for k, convention in enumerate(("matrix", "gap")):
+            here = [n for (_, r), n in rows.items() if r == convention]
             for kind, fill in (("static", "none"), ("dynamic", CYCLE[k])):
                 axes.semilogx(
                     [n["cutoff"] for n in here], [n[kind] for n in here], MARKERS[k] + LINES[k], ms=4, mfc=fill,
-                    color=CYCLE[k], label=f"frozen {reading}, {'statics' if kind == 'static' else 'in motion'}",
+                    color=CYCLE[k], label=f"frozen {convention}, {'statics' if kind == 'static' else 'in motion'}",
                 )  # fmt: skip
         axes.axhline(exact, color="0.6", lw=0.8, label="F_adh / 6.12 π a²")
         axes.set(xlabel="cut-off δ", ylabel="breakup stress (Pa)", ylim=(0.85 * exact, None))

@@ -21,17 +21,17 @@ def parts(context: Context):
 
 
 def measure(context: Context, path):
-    from mcdem.analysis.breakup import READINGS, in_reading
+    from mcdem.analysis.breakup import CONVENTIONS, in_convention
     from mcdem.analysis.dataset import Run
 
     run, rng = Run(path), context.rng(0)
     broken = run.breakups
     whole = broken["parent_size"].values >= SMALLEST
-    reading = {name: whole & in_reading(broken, name) for name in READINGS}
-    largest = {name: broken["largest_fragment"].values[rows] for name, rows in reading.items()}
+    convention = {name: whole & in_convention(broken, name) for name in CONVENTIONS}
+    largest = {name: broken["largest_fragment"].values[rows] for name, rows in convention.items()}
     clusters = [a for k in run.late_snapshots[-10:] for a in run.aggregates(k) if a.size >= SMALLEST]
     sizes = np.array([a.size for a in clusters])
-    parents = broken["parent_size"].values[reading["strict"]]
+    parents = broken["parent_size"].values[convention["strict"]]
     random = [
         after_random_removal(clusters[rng.choice(np.argsort(np.abs(sizes - parent))[:10])], rng)
         for parent in parents
@@ -91,11 +91,11 @@ def judge(context: Context, found):
             below(f"{name}: share above 0.9, less that of random removal", eroded - eroded_by_chance, -0.2, error=e_eroded),
             above(f"{name}: Kolmogorov-Smirnov distance between breakup and random removal", distance.statistic, 0.3,
                   error=1.36 / np.sqrt(len(ours))),
-            above(f"{name}: share between 0.45 and 0.75, the paper's reading of breakup (printed: more than 0.8)", wide, 0.8,
+            above(f"{name}: share between 0.45 and 0.75, the paper's convention of breakup (printed: more than 0.8)", wide, 0.8,
                   error=e_wide),
             shown(f"{name}: share between 0.45 and 0.75, each aggregate for itself (printed: more than 0.8)", single,
                   error=e_single),
-            shown(f"{name}: erosion's share of breakups, strict reading (printed: about 0.1)", eroded, error=e_eroded),
+            shown(f"{name}: erosion's share of breakups, strict convention (printed: about 0.1)", eroded, error=e_eroded),
             shown(f"{name}: erosion's share of breakups, each aggregate for itself (printed: about 0.1)", torn, error=e_torn),
         ]  # fmt: skip
 

@@ -13,7 +13,7 @@ from validation.case import Case, Check, Context, Findings, Verdict, cannot_say,
 EXPLAINED = {
     "d_g of the first clusters": "a matter of when and how: one snapshot of some thirty clusters scatters by 0.3, the exponent "
     "falls from 2.7 to 1.7 while <P> grows from 2 to 6 and passes 2.1 at <P> near 3, and a fit to P instead of ln P is lower by "
-    "0.3 (readings below); the paper says neither when its first value was taken nor how it was fitted",
+    "0.3 (conventions below); the paper says neither when its first value was taken nor how it was fitted",
     "d_o of the first clusters": "as of d_g",
     "growth from": "open: it falls with stress as the paper says, 2.7 +- 0.5 at 750 Pa, 1.9 +- 0.6 at 875 and 1.8 +- 0.3 at 1000 "
     "(two runs each but at 875), but not to 1: with the efficiencies measured, K_12/K_11 is (3/2)^3 times 0.43, so 1.5, and "
@@ -126,7 +126,7 @@ def printed_clusters(runs):
 
 
 def first_clusters(runs):
-    """{reading: [d_g, d_o]} of the first clusters, by when they are taken and how they are fitted, P > 3 unless said."""
+    """{convention: [d_g, d_o]} of the first clusters, by when they are taken and how they are fitted, P > 3 unless said."""
     from mcdem.analysis.dataset import pool
 
     a = runs[0].radius
@@ -155,7 +155,7 @@ def first_clusters(runs):
         at = np.unique(p)
         return logs(np.array([r[p == q].mean() for q in at]), at)
 
-    readings = {}
+    conventions = {}
     if (clusters >= FIRST_CLUSTERS).any():
         first = populations[int((clusters >= FIRST_CLUSTERS).argmax())]
         when = f"first snapshot with {FIRST_CLUSTERS} clusters"
@@ -163,17 +163,17 @@ def first_clusters(runs):
             ("ln P on ln R", logs), ("ln R on ln P, inverted", inverse), ("P on R, not in logarithms", plain),
             ("ln P on ln of the mean R at each P", of_means),
         ):  # fmt: skip
-            readings[f"{when}: {how}"] = both(fit, *columns(first))
-        readings[f"{when}: ln P on ln R, P > 1"] = both(logs, *columns(first, above=1))
+            conventions[f"{when}: {how}"] = both(fit, *columns(first))
+        conventions[f"{when}: ln P on ln R, P > 1"] = both(logs, *columns(first, above=1))
     for low, high in ((2.0, 3.0), (3.0, 4.0), (4.0, 6.0)):
         some = [found for found, mean in zip(populations, sizes) if low <= mean < high]
         if some:
-            readings[f"snapshots while <P> is {low:g} to {high:g}: ln P on ln R"] = both(
+            conventions[f"snapshots while <P> is {low:g} to {high:g}: ln P on ln R"] = both(
                 logs, *columns(pool(some, "aggregate"))
             )
     followed = [k for k in snapshots if clusters[k] >= FEWEST and EARLY[0] <= sizes[k] <= EARLY[1]]
     course = [[float(sizes[k]), *both(logs, *columns(populations[k]))] for k in followed]
-    return {"readings": readings, "course": course}
+    return {"conventions": conventions, "course": course}
 
 
 def check(label: str, row) -> Check:
@@ -209,8 +209,8 @@ def judge(context: Context, found):
     for label, n in found.items():
         checks += [likeness(label, *row) for row in n["printed clusters"]]
         checks += [
-            shown(f"{label}: {symbol} of the first clusters, {reading}", value, expected=printed)
-            for reading, values in n["first clusters"].get("readings", {}).items()
+            shown(f"{label}: {symbol} of the first clusters, {convention}", value, expected=printed)
+            for convention, values in n["first clusters"].get("conventions", {}).items()
             for symbol, value, printed in zip(("d_g", "d_o"), values, (2.1, 1.9))
         ]  # fmt: skip
         # Of those that pass it, the latest: later values stay below.

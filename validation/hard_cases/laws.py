@@ -318,7 +318,7 @@ def resistance(scene: Scene, positions: NDArray[np.float64]) -> NDArray[np.float
     measure(positions, work.directions, work.distances)
     if levels.resistance(physics.level, work, radii) != 0:
         return np.diag(np.r_[-1.0, np.ones(6 * n - 1)])  # not positive definite either
-    levels.strain_drive(physics.level, work, flow.strain_five)
+    levels.strain_load(physics.level, work, flow.strain_five)
     levels.two_body(physics.level, work, radii, flow.strain)
     lower = np.tril(work.resistance)
     return lower + np.tril(lower, -1).T

@@ -36,7 +36,7 @@ def pair_scalars(gap, a1, a2, table, raw, scalars):
 
 @njit(cache=True)
 def motion_scalars(gap, a1, a2, table, raw, scalars):
-    """`pair_scalars` of the functions that resistance and drive are made of, scalars[:FAMILIES_OF_MOTION]."""
+    """`pair_scalars` of the functions that resistance and strain_load are made of, scalars[:FAMILIES_OF_MOTION]."""
     motion_scalars_of_species(gap, a1, a2, table, table.single, table.radii, raw, scalars)
 
 
@@ -154,15 +154,15 @@ def add_pair_resistance(s, i, j, d, matrix):
 
 
 @njit(cache=True)
-def add_pair_drive(s, i, j, d, strain, shift, drive):
+def add_pair_strain_load(s, i, j, d, strain, shift, strain_load):
     """Add what the straining flow exerts through one pair on spheres held still; arguments as `add_pair_resistance`.
 
     strain : (3, 3) E_inf
     shift : by how much the distance the scalars are taken at exceeds the true one; the strain then moves the
         spheres apart by as much more
-    drive : (6N,) torques and forces
+    strain_load : (6N,) torques and forces
     """
-    n = drive.shape[0] // 6
+    n = strain_load.shape[0] // 6
     wi, wj, ui, uj = 3 * i, 3 * j, 3 * (n + i), 3 * (n + j)
     e0 = strain[0, 0] * d[0] + strain[0, 1] * d[1] + strain[0, 2] * d[2]
     e1 = strain[1, 0] * d[0] + strain[1, 1] * d[1] + strain[1, 2] * d[2]
@@ -175,12 +175,12 @@ def add_pair_drive(s, i, j, d, strain, shift, drive):
             x = half * (s[0, 2 * sphere + 1] - s[0, 2 * sphere])
             y = half * (s[1, 2 * sphere + 1] - s[1, 2 * sphere])
             b = half * (s[2, 2 * sphere + 1] - s[2, 2 * sphere])
-            drive[u] += (x - y) * along * d[0] + y * e0
-            drive[u + 1] += (x - y) * along * d[1] + y * e1
-            drive[u + 2] += (x - y) * along * d[2] + y * e2
-            drive[w] += b * (e1 * d[2] - e2 * d[1])
-            drive[w + 1] += b * (e2 * d[0] - e0 * d[2])
-            drive[w + 2] += b * (e0 * d[1] - e1 * d[0])
+            strain_load[u] += (x - y) * along * d[0] + y * e0
+            strain_load[u + 1] += (x - y) * along * d[1] + y * e1
+            strain_load[u + 2] += (x - y) * along * d[2] + y * e2
+            strain_load[w] += b * (e1 * d[2] - e2 * d[1])
+            strain_load[w + 1] += b * (e2 * d[0] - e0 * d[2])
+            strain_load[w + 2] += b * (e0 * d[1] - e1 * d[0])
     # F_a = G^ba : E summed over b, T_a likewise with H.
     for sphere in range(2):
         u, w = (ui, wi) if sphere == 0 else (uj, wj)
@@ -188,12 +188,12 @@ def add_pair_drive(s, i, j, d, strain, shift, drive):
         y = s[6, 0] + s[6, 2] if sphere == 0 else s[6, 1] + s[6, 3]
         h = s[7, 0] + s[7, 2] if sphere == 0 else s[7, 1] + s[7, 3]
         radial = (x - 2.0 * y) * along
-        drive[u] += radial * d[0] + 2.0 * y * e0
-        drive[u + 1] += radial * d[1] + 2.0 * y * e1
-        drive[u + 2] += radial * d[2] + 2.0 * y * e2
-        drive[w] += 2.0 * h * (d[1] * e2 - d[2] * e1)
-        drive[w + 1] += 2.0 * h * (d[2] * e0 - d[0] * e2)
-        drive[w + 2] += 2.0 * h * (d[0] * e1 - d[1] * e0)
+        strain_load[u] += radial * d[0] + 2.0 * y * e0
+        strain_load[u + 1] += radial * d[1] + 2.0 * y * e1
+        strain_load[u + 2] += radial * d[2] + 2.0 * y * e2
+        strain_load[w] += 2.0 * h * (d[1] * e2 - d[2] * e1)
+        strain_load[w + 1] += 2.0 * h * (d[2] * e0 - d[0] * e2)
+        strain_load[w + 2] += 2.0 * h * (d[0] * e1 - d[1] * e0)
 
 
 @njit(cache=True)

@@ -1,16 +1,16 @@
-"""Encounters by thinned proposals: exact, no table of pairs, and those ahead are known.
+"""Encounters by majorant rejection (thinning): exact, no table of pairs, and those ahead are known.
 
 Places are grouped in classes of outer radius, and each class has more *slots* than members.  Pairs of slots (not of
-aggregates) ring at a rate that no pair of their classes can exceed,
+aggregates) propose encounters at a rate that no pair of their classes can exceed,
 
     k_cd = (4/3) g (b_c + b_d)^3 / Delta V,     b_c the upper bound of R in class c,
 
-and a ring becomes an encounter with probability (R_i + R_j)^3 / (b_c + b_d)^3, never if a slot is empty (Lewis &
+and a proposal becomes an encounter with probability (R_i + R_j)^3 / (b_c + b_d)^3, never if a slot is empty (Lewis &
 Shedler, Nav. Res. Logist. Q. 26, 403, 1979).  So each pair of aggregates meets as a Poisson process of rate f_ij, as
-Eqs. 2-6 of Frungieri & Vanni ask, while the rings depend on the capacities of the classes alone: whatever happens in
-the slots, the rings ahead stay, and an encounter ahead stands unless one of its two slots changes before.
+Eqs. 2-6 of Frungieri & Vanni ask, while the proposals depend on the capacities of the classes alone: whatever happens in
+the slots, the proposals ahead stay, and an encounter ahead stands unless one of its two slots changes before.
 
-When a class has no slot left, or most rings are in vain, or the volume doubles, a new *epoch* begins with new
+When a class has no slot left, or most proposals are rejected, or the volume doubles, a new *epoch* begins with new
 capacities and new streams; the process has no memory, so it may begin anew after any event.
 """
 
@@ -40,7 +40,7 @@ PATIENCE = 100
 
 
 def capacity_for(members: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Slots given to classes of so many members: a proposal in vain costs far less than a new epoch."""
+    """Slots given to classes of so many members: a rejected proposal costs far less than a new epoch."""
     capacity = members + members // 2 + 6
     largest = np.max(np.nonzero(members)[0], initial=0)
     capacity[largest + 2 :] = 0
