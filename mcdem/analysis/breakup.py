@@ -96,7 +96,9 @@ def breakups(
     )
 
 
-def summarise(broken: xr.Dataset, convention: Convention, erosion_above: float = EROSION_ABOVE) -> dict[str, float]:
+def summarise(
+    broken: xr.Dataset, convention: Convention, erosion_above: float = EROSION_ABOVE
+) -> dict[str, float]:
     """Means over the breakups of one convention; NaN of none.
 
     ``P_br``, ``P_br_deviation`` (over the breakups; nan of one), ``P_br_error`` (such that P_br +- 2 P_br_error are its 95 %

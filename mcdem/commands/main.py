@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 
 from mcdem.commands import (
     check,
+    compress,
     cost,
     describe,
     efficiency,
@@ -23,17 +24,24 @@ from mcdem.commands import (
     plot,
     report,
     run,
+    sensitivity,
     sweep,
-    thin,
-    vary,
     view,
 )
 from mcdem.errors import UserError
 from pbekit import endings
 
+NOW_CALLED = {"thin": "compress", "vary": "sensitivity"}
+"""Subcommands of before."""
+
 
 class Commands(TyperGroup):
     """Subcommands that answer a user's mistake with its message instead of a traceback."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args and args[0] in NOW_CALLED:
+            ctx.fail(f"`mcdem {args[0]}` is now `mcdem {NOW_CALLED[args[0]]}`.")
+        return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -70,12 +78,12 @@ for module in (
     plot,
     figures,
     report,
-    thin,
+    compress,
     encounter,
     view,
     efficiency,
     cost,
-    vary,
+    sensitivity,
     kernels,
     check,
     describe,

@@ -32,7 +32,10 @@ def critical_size(runs: Sequence[Run]) -> Figure:
     numbers["size_deviation"] = quantity(deviation, "stress", "1", "sigma_P")
     numbers["steady"] = ("stress", [all(run.steady.reached for run in group) for group in groups.values()])
     numbers = numbers.assign_coords(convention=list(CONVENTIONS))
-    rows = {convention: [pooled_breakups(group, convention) for group in groups.values()] for convention in CONVENTIONS}
+    rows = {
+        convention: [pooled_breakups(group, convention) for group in groups.values()]
+        for convention in CONVENTIONS
+    }
     for name, words in (
         ("P_br", "mean number of primaries of what broke"),
         ("P_br_deviation", "its standard deviation over the breakups"),
@@ -41,7 +44,10 @@ def critical_size(runs: Sequence[Run]) -> Figure:
         ("breakups", "number of breakups"),
     ):
         numbers[name] = quantity(
-            [[row[name] for row in rows[convention]] for convention in CONVENTIONS], ("convention", "stress"), "1", words
+            [[row[name] for row in rows[convention]] for convention in CONVENTIONS],
+            ("convention", "stress"),
+            "1",
+            words,
         )
     series = {
         "mean_size": numbers["mean_size"].values,
@@ -162,7 +168,10 @@ def largest_fragment(runs: Sequence[Run]) -> Figure:
     )
     for name in ("erosion_share", "fragmentation_share"):
         for limit in ("", "_low", "_high"):
-            numbers[name + limit] = ("convention", [pooled_breakups(runs, r)[name + limit] for r in CONVENTIONS])
+            numbers[name + limit] = (
+                "convention",
+                [pooled_breakups(runs, r)[name + limit] for r in CONVENTIONS],
+            )
     return Figure(
         "fig16_largest_fragment",
         f"Largest fragment as a share of what broke at {runs[0].label}, under each convention.",

@@ -2,7 +2,7 @@
 
 What it takes to go on bit for bit (the last snapshot and the checkpoint), every whole number, flag and identity, and the
 parents that were kept stay as they are.  Measured reals of the history are rounded to `DIGITS` significant bits, far below
-their statistical errors; snapshots on the way are thinned; everything is compressed.
+their statistical errors; snapshots on the way are fewer; everything is compressed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ EXACT = frozenset({"checkpoint", "kept"})
 """Groups kept as they are."""
 
 
-def thin(source: Path | str, target: Path | str, every: float | None = None) -> None:
+def compress(source: Path | str, target: Path | str, every: float | None = None) -> None:
     """Write the dataset `source` of `mcdem run` to `target`, smaller.
 
     every : time between the snapshots that are kept [s], None for all; the first, the last two, and those that come next
@@ -44,10 +44,10 @@ def thin(source: Path | str, target: Path | str, every: float | None = None) -> 
     if every is not None and not 0.0 < every < math.inf:
         raise UserError(f"every = {every}: expected a time above 0, in seconds")
     if target.exists() and source.exists() and target.samefile(source):
-        raise DataFileError(f"{target}: is the dataset to be thinned; give another name")
+        raise DataFileError(f"{target}: is the dataset to be compressed; give another name")
     kept = "all" if every is None else f"about {every:g} s apart"
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    said = f"{now} thinned: reals to {DIGITS} significant bits, snapshots {kept}"
+    said = f"{now} compressed: reals to {DIGITS} significant bits, snapshots {kept}"
     FILES.check(target, RUN)
     with opened(source) as (full,):
         history = "\n".join([*stretches(full), said])

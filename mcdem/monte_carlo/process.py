@@ -88,7 +88,9 @@ class Process:
     def resume(cls, scene: Scene, path: Path) -> Process:
         """The process as a dataset left it."""
         record, time, population, selection = Record.read(path, scene)
-        return cls(scene, population, event_selection(scene, population, record.seed, selection), record, time)
+        return cls(
+            scene, population, event_selection(scene, population, record.seed, selection), record, time
+        )
 
     @property
     def events(self) -> int:

@@ -52,7 +52,15 @@ FORMAT = 1
 
 TIMING = ("cpu_time",)
 """Variables that measure the machine, not the suspension."""
-ORIGIN_OF_THE_WRITING = ("command", "date_modified", "software", "history", "discarded", "computed_in_vain", "checksum")
+ORIGIN_OF_THE_WRITING = (
+    "command",
+    "date_modified",
+    "software",
+    "history",
+    "discarded",
+    "computed_in_vain",
+    "checksum",
+)
 """Attributes that may differ between two datasets of the same process."""
 
 LIBRARY_LOCK = combine_locks([NETCDFC_LOCK, HDF5_LOCK])

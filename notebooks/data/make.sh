@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Makes the data of the notebooks: runs of the paper's suspension, thinned, and what is derived from them.
+# Makes the data of the notebooks: runs of the paper's suspension, compressed, and what is derived from them.
 #
-#     bash notebooks/data/make.sh WORK [STEP...]        steps: runs switches tables vary paper_scheme; all by default
+#     bash notebooks/data/make.sh WORK [STEP...]        steps: runs switches tables sensitivity paper_scheme; all by default
 #
 # Whole runs go to the folder WORK and are continued from there, so it may be stopped at any time and called again; results
 # go to WORK/data. Two runs at a time need about four hours in all; JOBS=8 makes it eight at a time.
@@ -10,7 +10,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 scenes=$(cd "$here/../../scenes" && pwd)
 work=${1:?where the whole runs go}
 shift
-all='runs switches tables vary paper_scheme'
+all='runs switches tables sensitivity paper_scheme'
 steps=${*:-$all}
 for step in $steps; do
     [[ " $all " == *" $step "* ]] || { echo "no step $step; expected some of: $all" >&2; exit 2; }
@@ -50,7 +50,7 @@ if [[ $steps == *runs* ]]; then
         echo "$name.toml $name.nc $seed $until"
     done | xargs -P "${JOBS:-2}" -L 1 bash -c 'follow "$@"' follow
     grep . <<<"$runs" | while read -r name _; do
-        mcdem thin "$name.nc" -o "data/$name.nc" --every "5 s" --overwrite
+        mcdem compress "$name.nc" -o "data/$name.nc" --every "5 s" --overwrite
     done
 fi
 
@@ -60,7 +60,7 @@ if [[ $steps == *switches* ]]; then
         echo "$name.toml $name.nc 1 60"
     done | xargs -P "${JOBS:-2}" -L 1 bash -c 'follow "$@"' follow
     grep . <<<"$switches" | while read -r name _; do
-        mcdem thin "$name.nc" -o "data/switches/$name.nc" --every "5 s" --overwrite
+        mcdem compress "$name.nc" -o "data/switches/$name.nc" --every "5 s" --overwrite
     done
 fi
 
@@ -74,8 +74,8 @@ if [[ $steps == *tables* ]]; then
     done
 fi
 
-if [[ $steps == *vary* ]]; then
-    mcdem vary "$scenes/paper-1000Pa.toml" --from run-1000Pa.nc --encounters 1000 --seed 1 -o vary-1000Pa.png --overwrite \
+if [[ $steps == *sensitivity* ]]; then
+    mcdem sensitivity "$scenes/paper-1000Pa.toml" --from run-1000Pa.nc --encounters 1000 --seed 1 -o sensitivity-1000Pa.png --overwrite \
         --set hydrodynamics.lubrication_cutoff=2e-3,1e-2 \
         --set "effects.van_der_waals.london_wavelength=200 nm,none" \
         --set numerics.rotations=1,32 --set numerics.max_step=0.1 \

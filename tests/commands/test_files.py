@@ -25,11 +25,11 @@ from typer.testing import CliRunner
 
 from mcdem.commands import cost as cost_command
 from mcdem.commands import main as mcdem_cli
-from mcdem.commands import vary as vary_command
+from mcdem.commands import sensitivity as sensitivity_command
 from mcdem.encounter.trajectory import Trajectory, export, read
 from mcdem.errors import DataFileError, UserError
 from mcdem.figures.film import film
-from mcdem.monte_carlo.compress import thin
+from mcdem.monte_carlo.compress import compress
 from mcdem.monte_carlo.process import run
 from mcdem.monte_carlo.record import opened
 from mcdem.monte_carlo.sweep import sweep
@@ -95,7 +95,7 @@ PAGE = f'<!doctype html>\n<html><head><meta name="generator" content="{FILES.sig
 # name, ending, what writes it to a path (over what it wrote before)
 WRITERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "run": (".nc", make_run),
-    "thin": (".nc", lambda path: thin(_small_run(), path)),
+    "compress": (".nc", lambda path: compress(_small_run(), path)),
     "kernels": (".nc", make_table),
     "numbers": (".nc", lambda path: FILES.write_numbers(path, NUMBERS)),
     "numbers of pbekit": (".nc", lambda path: PBE_FILES.write_numbers(path, NUMBERS)),
@@ -108,7 +108,7 @@ WRITERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "pdf": (".pdf", lambda path: FILES.write_picture(path, figure())),
     "svg": (".svg", lambda path: FILES.write_picture(path, figure())),
     "png of pbekit": (".png", lambda path: PBE_FILES.write_picture(path, figure())),
-    "table of vary": (".csv", lambda path: vary_command.write([], path)),
+    "table of sensitivity": (".csv", lambda path: sensitivity_command.write([], path)),
     "table of cost": (".csv", lambda path: cost_command.write([], path)),
 }
 
@@ -208,7 +208,7 @@ def test_no_writer_replaces_the_files_of_another(tmp_path):
         made[name] = tmp_path / f"{name}{ending}"
         write(made[name])
     same = {
-        frozenset(("run", "thin")),
+        frozenset(("run", "compress")),
         *({frozenset((a, b)) for a in ("png", "pdf", "svg") for b in ("png", "pdf", "svg")}),
     }
     for name, (ending, write) in WRITERS.items():
@@ -327,7 +327,7 @@ WRITING = {
     "plot": ("mcdem", "plot {given}/run.nc -o out.png"),
     "figures": ("mcdem", "figures {given}/course.nc -o out"),
     "report": ("mcdem", "report {given}/run.nc -o out.html"),
-    "thin": ("mcdem", "thin {given}/run.nc -o out.nc"),
+    "compress": ("mcdem", "compress {given}/run.nc -o out.nc"),
     "view": ("mcdem", "view {given}/course.nc -o out.html"),
     "run": ("mcdem", "run {given}/quickstart.toml -o out.nc --events 1 --workers 1"),
     "encounter": ("mcdem", "encounter {given}/quickstart.toml --seed 1 --trajectory out.nc"),
@@ -342,7 +342,7 @@ WRITING = {
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=() if n == "thin" else pytest.mark.slow) for n in WRITING]
+    "name", [pytest.param(n, marks=() if n == "compress" else pytest.mark.slow) for n in WRITING]
 )
 def test_a_command_on_a_full_disk_says_so_in_a_line(given, tmp_path, name):
     program, words = WRITING[name]
@@ -458,14 +458,14 @@ READING = {
     "plot": ("mcdem", "plot {damaged} -o out.png"),
     "figures": ("mcdem", "figures {damaged} -o out"),
     "report": ("mcdem", "report {damaged} -o out.html"),
-    "thin": ("mcdem", "thin {damaged} -o out.nc"),
+    "compress": ("mcdem", "compress {damaged} -o out.nc"),
     "view": ("mcdem", "view {damaged} -o out.html"),
     "run": ("mcdem", "run {given}/quickstart.toml -o {damaged} --resume --events 1 --workers 1"),
     "kernels": ("mcdem", "kernels {given}/quickstart.toml --from {damaged} -o out.nc --workers 1"),
     "cost": ("mcdem", "cost {given}/quickstart.toml --from {damaged} -o out.png --workers 1"),
-    "vary": (
+    "sensitivity": (
         "mcdem",
-        "vary {given}/quickstart.toml --set flow.shear_stress=5Pa --from {damaged} -o out.png --workers 1",
+        "sensitivity {given}/quickstart.toml --set flow.shear_stress=5Pa --from {damaged} -o out.png --workers 1",
     ),
     "solve": ("pbekit", "solve {damaged} -o out.nc"),
     "compare": ("pbekit", "compare {damaged} -o out"),
@@ -543,7 +543,7 @@ def test_a_trajectory_is_whole_or_refused(tmp_path):
 
 def test_pipes_are_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe.nc")
-    for reading in (read, KernelTable.load, lambda path: thin(path, tmp_path / "out.nc")):
+    for reading in (read, KernelTable.load, lambda path: compress(path, tmp_path / "out.nc")):
         with pytest.raises((DataFileError, PBEError), match="a named pipe"):
             reading(tmp_path / "pipe.nc")
 

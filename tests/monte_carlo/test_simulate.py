@@ -215,7 +215,9 @@ def test_the_order_in_which_encounters_are_done_does_not_matter(encounter, worke
     histories = []
     for ahead_of_time in (False, True):
         process, pool = Process.begin(scene, 7, ()), Scrambled(workers)
-        speculation = SpeculativeExecution(compute, pool, workers, process.population, process.selection, finished=pool)
+        speculation = SpeculativeExecution(
+            compute, pool, workers, process.population, process.selection, finished=pool
+        )
         histories.append(follow(process, speculation.result if ahead_of_time else None))
     speculation.close()
     assert histories[0] == histories[1]

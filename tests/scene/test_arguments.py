@@ -383,7 +383,7 @@ OPTIONS = {
     "run SCENE --events 999999999999999999999999": "--events",
     "run SCENE --seed 99999999999999999999": "--seed",
     "sweep SCENE --replicas 9999999": "replicas = 9999999: expected an integer from 1 to 10000",
-    "vary SCENE --set flow.viscosity=1": "viscosity = 1 has no unit",
+    "sensitivity SCENE --set flow.viscosity=1": "viscosity = 1 has no unit",
     "check " + "x" * 5000: "cannot be read: File name too long",
 }
 

@@ -45,7 +45,7 @@ def measure(context: Context):
 def rank(one: np.ndarray, several: np.ndarray) -> float:
     """Share of `several` (n, ...) that lie as far from their mean as `one`, or further, by the largest scaled deviation."""
     middle, spread = several.mean(axis=0), several.std(axis=0, ddof=1)
-    # At the start all are alike; the run's reals are rounded to 1e-4 (`mcdem thin`).
+    # At the start all are alike; the run's reals are rounded to 1e-4 (`mcdem compress`).
     used = spread > 1e-3 * np.abs(middle).max()
     # Each is held against the mean of all others and itself, as the run is.
     far = lambda x: np.abs((x - middle)[..., used] / spread[used]).max(axis=-1)

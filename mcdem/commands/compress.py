@@ -1,4 +1,4 @@
-"""`mcdem thin`: a dataset small enough to keep."""
+"""`mcdem compress`: a dataset small enough to keep."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mcdem.arguments import PERIOD
 from mcdem.commands import Dataset, read_quantity
 
 
-def thin(
+def compress(
     file: Dataset,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Dataset to write.")],
     every: Annotated[
@@ -25,8 +25,8 @@ def thin(
 
     FILES.check(output, RUN, overwrite=overwrite)
     spacing = None if every is None else read_quantity("--every", every, PERIOD)
-    from mcdem.monte_carlo.compress import thin as thin_dataset
+    from mcdem.monte_carlo.compress import compress as compress_dataset
 
-    thin_dataset(file, output, spacing)
+    compress_dataset(file, output, spacing)
     before, after = file.stat().st_size / 2**20, output.stat().st_size / 2**20
     typer.echo(f"{output} written: {after:.2f} MiB of {before:.2f} MiB")

@@ -1,4 +1,4 @@
-"""A thinned dataset is smaller, says the same within its digits, and is continued bit for bit."""
+"""A compressed dataset is smaller, says the same within its digits, and is continued bit for bit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from mcdem.analysis.dataset import Run
 from mcdem.commands.main import app
 from mcdem.errors import DataFileError, UserError
-from mcdem.monte_carlo.compress import DIGITS, rounded, thin
+from mcdem.monte_carlo.compress import DIGITS, compress, rounded
 from mcdem.monte_carlo.process import run
 from mcdem.netcdf.comparison import differences
 from mcdem.netcdf.whole_files import FILES
@@ -34,13 +34,13 @@ def whole(tmp_path_factory):
 @pytest.fixture(scope="module")
 def small(whole):
     path = whole.with_name("small.nc")
-    thin(whole, path, every=0.2)
+    compress(whole, path, every=0.2)
     return path
 
 
 def test_it_is_smaller_and_says_so(whole, small):
     assert small.stat().st_size < 0.5 * whole.stat().st_size
-    assert "thinned: reals to 12 significant bits" in xr.open_dataset(small).attrs["history"]
+    assert "compressed: reals to 12 significant bits" in xr.open_dataset(small).attrs["history"]
 
 
 def test_numbers_of_the_history_keep_their_digits(whole, small):
@@ -83,13 +83,13 @@ def test_the_process_goes_on_bit_for_bit(whole, small, tmp_path):
             ends.append(new.drop_vars("cpu_time").load())
     for name in ends[0].variables:
         np.testing.assert_array_equal(ends[1][name].values, ends[0][name].values, err_msg=name)
-    # The state at the end is that of the run that was never thinned; snapshots fall due at the same moments.
+    # The state at the end is that of the run that was never compressed; snapshots fall due at the same moments.
     assert {d.split(":")[0] for d in differences(tmp_path / "long.nc", tmp_path / "short.nc")} <= {
         *(f"/{name}" for name in xr.open_dataset(small).variables),
         *(f"/events/{name}" for name in ends[0].variables),
         *(f"/snapshots/{name}" for name in xr.open_dataset(small, group="snapshots").variables),
     }
-    assert "thinned" in xr.open_dataset(tmp_path / "short.nc").attrs["history"]
+    assert "compressed" in xr.open_dataset(tmp_path / "short.nc").attrs["history"]
     long, short = (Run(tmp_path / f"{name}.nc") for name in ("long", "short"))
     assert (long.snapshot_times[-1], *long.snapshot_times[-4:-1].round(9)) == (
         short.snapshot_times[-1],
@@ -110,20 +110,20 @@ def test_rounding_is_to_significant_bits():
     assert (rounded(found, 12)[:5] == found[:5]).all()
 
 
-def test_what_cannot_be_thinned_is_refused(whole, tmp_path):
+def test_what_cannot_be_compressed_is_refused(whole, tmp_path):
     with pytest.raises(DataFileError, match="another name"):
-        thin(whole, whole)
+        compress(whole, whole)
     with pytest.raises(UserError, match="above 0"):
-        thin(whole, tmp_path / "a.nc", every=0.0)
+        compress(whole, tmp_path / "a.nc", every=0.0)
     (tmp_path / "foreign.nc").write_text("no dataset")
     with pytest.raises(DataFileError, match="mcdem run"):
-        thin(tmp_path / "foreign.nc", tmp_path / "a.nc")
+        compress(tmp_path / "foreign.nc", tmp_path / "a.nc")
     assert not (tmp_path / "a.nc").exists()
 
 
 def test_a_file_that_a_run_is_writing_is_not_replaced(whole, tmp_path):
     with FILES.locked(tmp_path / "busy.nc"), pytest.raises(DataFileError, match="another run"):
-        thin(whole, tmp_path / "busy.nc")
+        compress(whole, tmp_path / "busy.nc")
 
 
 def test_a_damaged_dataset_is_refused(whole, tmp_path):
@@ -132,24 +132,24 @@ def test_a_damaged_dataset_is_refused(whole, tmp_path):
         content[place] ^= 0xFF
     (tmp_path / "damaged.nc").write_bytes(bytes(content))
     with pytest.raises(DataFileError):
-        thin(tmp_path / "damaged.nc", tmp_path / "a.nc")
+        compress(tmp_path / "damaged.nc", tmp_path / "a.nc")
 
 
 def test_a_dataset_of_before_histories_gets_one(tmp_path):
-    thin("notebooks/data/small-1000Pa.nc", tmp_path / "a.nc", every=5.0)
+    compress("notebooks/data/small-1000Pa.nc", tmp_path / "a.nc", every=5.0)
     first, last = xr.open_dataset(tmp_path / "a.nc").attrs["history"].splitlines()
-    assert "until then" in first and "thinned" in last
+    assert "until then" in first and "compressed" in last
 
 
 def test_the_command(whole, tmp_path):
     target = tmp_path / "small.nc"
     runner = CliRunner()
-    told = runner.invoke(app, ["thin", str(whole), "-o", str(target), "--every", "100 ms"])
+    told = runner.invoke(app, ["compress", str(whole), "-o", str(target), "--every", "100 ms"])
     assert told.exit_code == 0, told.output
     assert "MiB of" in told.output
-    again = runner.invoke(app, ["thin", str(whole), "-o", str(target)])
+    again = runner.invoke(app, ["compress", str(whole), "-o", str(target)])
     assert again.exit_code == 2
     assert "exists" in again.output
-    wrong = runner.invoke(app, ["thin", str(whole), "-o", str(tmp_path / "b.nc"), "--every", "5 m"])
+    wrong = runner.invoke(app, ["compress", str(whole), "-o", str(tmp_path / "b.nc"), "--every", "5 m"])
     assert wrong.exit_code == 2
     assert "--every" in wrong.output

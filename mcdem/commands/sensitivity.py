@@ -1,4 +1,4 @@
-"""`mcdem vary`: what an assumption changes."""
+"""`mcdem sensitivity`: what an assumption changes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mcdem.analysis.sensitivity import Difference
 
 
-def vary(
+def sensitivity(
     scene: SceneFile,
     settings: Annotated[
         list[str],
@@ -35,7 +35,7 @@ def vary(
             "--output",
             "-o",
             metavar="FIGURE",
-            help="Figure to write; a table (.csv) goes beside it. Default: SCENE.vary.png.",
+            help="Figure to write; a table (.csv) goes beside it. Default: SCENE.sensitivity.png.",
         ),
     ] = None,
     encounters: Annotated[int, typer.Option(min=2, max=MOST_SAMPLED, help="In the sample.")] = 200,
@@ -58,19 +58,19 @@ def vary(
     from mcdem.analysis.sensitivity import vary as vary_settings
     from mcdem.commands import end_early
     from mcdem.commands.progress import NowAndThen
-    from mcdem.figures.vary import draw_differences
+    from mcdem.figures.sensitivity import draw_differences
     from mcdem.monte_carlo import executors
     from mcdem.monte_carlo.executors import EngineError
     from mcdem.monte_carlo.sweep import parse_settings, replaced
-    from mcdem.netcdf.whole_files import FILES, VARY
+    from mcdem.netcdf.whole_files import FILES, SENSITIVITY
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
     loaded.require_one_radius("eta_11 is of two equal primaries")
-    figure = output or Path(f"{loaded.name}.vary.png")
+    figure = output or Path(f"{loaded.name}.sensitivity.png")
     table = figure.with_suffix(".csv")
     FILES.check_picture(figure, overwrite=overwrite)
-    FILES.check(table, VARY, overwrite=overwrite)
+    FILES.check(table, SENSITIVITY, overwrite=overwrite)
     values = parse_settings(settings)
     for key in values:
         for line in replaced(loaded, [key]):
@@ -151,7 +151,7 @@ def told(found: Sequence[Difference]) -> str:
 
 def write(found: Sequence[Difference], path: Path) -> None:
     """The same as a file, one row a setting and quantity."""
-    from mcdem.netcdf.whole_files import FILES, VARY
+    from mcdem.netcdf.whole_files import FILES, SENSITIVITY
 
     text = io.StringIO()
     rows = csv.writer(text)
@@ -163,4 +163,4 @@ def write(found: Sequence[Difference], path: Path) -> None:
             [d.setting.name, d.setting.knob, d.quantity, d.given, d.changed, d.value, d.error,
              d.low, d.high, d.differing, d.encounters, d.cpu_time]
         )  # fmt: skip
-    FILES.write(path, VARY, text.getvalue())
+    FILES.write(path, SENSITIVITY, text.getvalue())
