@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 
 import mcdem
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.encounter.simulate import EncounterResult
 from mcdem.netcdf.whole_files import FILES, Kind
 
@@ -104,7 +104,7 @@ def drawn(scene: mcdem.Scene, pool: list[mcdem.Aggregate]) -> Iterator[tuple[str
 
 
 def follow(
-    run: Run, since: float, reading: str, most: int | None, rows: list[Followed]
+    run: RunDataset, since: float, reading: str, most: int | None, rows: list[Followed]
 ) -> Iterator[Followed]:
     """Those that `rows` lack, kinds taking turns."""
     done = {(row.kind, row.seed, row.reading) for row in rows}
@@ -180,7 +180,7 @@ def main() -> None:
     if given.output is None:
         sys.exit("say with -o where the table goes")
     rows = read(given.output) if given.output.exists() else []
-    for row in follow(Run(given.file), given.since, given.reading, given.encounters, rows):
+    for row in follow(RunDataset(given.file), given.since, given.reading, given.encounters, rows):
         rows.append(row)
         text = io.StringIO()
         names = [field.name for field in fields(Followed)]

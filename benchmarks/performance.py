@@ -27,7 +27,7 @@ import threadpoolctl
 
 import mcdem
 from mcdem.analysis.accuracy_cost import draw_pairs, warm_up
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.quantities.random_streams import stream
 from validation.hard_cases.shapes import ball_centres, settled
 
@@ -274,7 +274,7 @@ def encounters(run: Path, scene: mcdem.Scene, starts: int, seed: int) -> None:
 
 def events(run: Path, scene: mcdem.Scene, count: int, seed: int) -> None:
     """Print what an encounter of the population costs under the default, by number of primaries, and what 283 s would."""
-    opened = Run(run)
+    opened = RunDataset(run)
     pairs = draw_pairs(scene, [run], count, seed)
     warm_up(scene, pairs[0])
     cpu = np.array(
@@ -328,7 +328,7 @@ def main() -> None:
         if given.growth:
             growth_of_encounters()
         if given.run is not None:
-            scene = mcdem.load_scene(given.scene) if given.scene else Run(given.run).scene
+            scene = mcdem.load_scene(given.scene) if given.scene else RunDataset(given.run).scene
             events(given.run, scene, given.events, given.seed)
             encounters(given.run, scene, given.starts, given.seed)
 

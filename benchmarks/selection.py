@@ -29,7 +29,7 @@ from mcdem.encounter.simulate import EncounterResult
 from mcdem.monte_carlo.event_selection import EventSelection
 from mcdem.monte_carlo.event_selection.inverse_transform import InverseTransform
 from mcdem.monte_carlo.event_selection.majorant_rejection import MajorantRejection
-from mcdem.monte_carlo.population import Population
+from mcdem.monte_carlo.population import SamplePopulation
 from mcdem.monte_carlo.process import Process
 from mcdem.monte_carlo.record import Record
 from mcdem.monte_carlo.speculative_execution import DEPTH, QUEUE, SpeculativeExecution
@@ -107,7 +107,7 @@ def steady(number: int, seed: int, event_selection: type[EventSelection] = Major
         np.ceil(rng.lognormal(math.log(1.2 * MEAN_SIZE), 0.5, number)).astype(int),
     )
     volume = sizes.sum() * 4.0 / 3.0 * math.pi * radius**3 / scene.suspension.volume_fraction
-    population = Population(radius, volume, number)
+    population = SamplePopulation(radius, volume, number)
     for size in sizes.tolist():
         population.add(cluster(size, radius, rng))
     selection = event_selection(population, scene.flow.shear_rate, seed)

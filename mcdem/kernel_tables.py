@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.aggregates.morphology import aspect_ratio, second_moments, semi_axes
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.encounter.simulate import EncounterResult, simulate_encounter
 from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo import executors
@@ -62,7 +62,7 @@ def outcome_of(word: str, contact: bool) -> int:
     return OUTCOMES.index(word)
 
 
-def records_of_run(run: Run) -> Records:
+def records_of_run(run: RunDataset) -> Records:
     """Every encounter of a run's event log."""
     e = run.events
     names = [
@@ -119,7 +119,7 @@ class Library:
     members: tuple[NDArray[np.intp], ...]
 
     @classmethod
-    def of(cls, runs: Sequence[Run], table: KernelTable) -> Library:
+    def of(cls, runs: Sequence[RunDataset], table: KernelTable) -> Library:
         """All aggregates of all snapshots, and a monomer."""
         found = [Aggregate.monomer()]
         for run in runs:
@@ -240,7 +240,7 @@ def plan(
 
 
 @dataclass(frozen=True)
-class Progress:
+class TableProgress:
     """Where a tabulation stands."""
 
     reused: int
@@ -252,7 +252,7 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class Summary:
+class TableSummary:
     """What a call of `tabulate` left."""
 
     path: Path
@@ -279,10 +279,10 @@ def tabulate(
     executor: Executor | None = None,
     resume: bool = False,
     overwrite: bool = False,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[TableProgress], None] | None = None,
     encounter: Encounter = simulate_encounter,
     checkpoint_every: float = CHECKPOINT_EVERY,
-) -> Summary:
+) -> TableSummary:
     """Make or extend the kernel table of `scene` at `output`.
 
     Parameters
@@ -299,7 +299,7 @@ def tabulate(
     if shape not in SHAPES:
         raise UserError(f'shape = "{shape}": expected one of {", ".join(SHAPES)}')
     refuse_unwritable(path, resume=resume, overwrite=overwrite)
-    opened = [Run(p) for p in runs]
+    opened = [RunDataset(p) for p in runs]
     for run in opened:
         differs = same_physics(scene, run.scene)
         if differs and not aggregates_only:
@@ -394,7 +394,7 @@ def tabulate(
             for future in futures:
                 future.cancel()
         save()
-    return Summary(path, len(reused), done, known.mean_size, known.error, ended_by)
+    return TableSummary(path, len(reused), done, known.mean_size, known.error, ended_by)
 
 
 def refuse_unwritable(path: Path, *, resume: bool, overwrite: bool) -> None:
@@ -458,5 +458,5 @@ def _classes_of(pair: int) -> tuple[int, int]:
     return int(pair - b * (b + 1) // 2), b
 
 
-def _now(reused, done, wanted, known, started) -> Progress:
-    return Progress(len(reused), done, wanted, known.mean_size, known.error, clock.monotonic() - started)
+def _now(reused, done, wanted, known, started) -> TableProgress:
+    return TableProgress(len(reused), done, wanted, known.mean_size, known.error, clock.monotonic() - started)

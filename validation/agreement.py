@@ -31,7 +31,7 @@ from scipy import stats
 
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.analysis.accuracy_cost import REFERENCE, Pair, Sample, draw_pairs, follow, settings_of
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.encounter.simulate import OUTCOMES
 from mcdem.errors import UserError
 from mcdem.monte_carlo.executors import opened
@@ -70,7 +70,7 @@ def store(pairs: Sequence[Pair], scene: Scene, run: Path, seed: int) -> xr.Datas
         "cpu_time": (np.full(shape, np.nan), "s", "processor time"),
         "steps": (np.full(shape, -1, np.int32), "1", "steps primary by primary"),
     }
-    ends = Run(run)
+    ends = RunDataset(run)
     return xr.Dataset(
         {
             "size": ("aggregate", np.array([a.size for a in aggregates], np.int32)),

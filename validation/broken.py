@@ -159,9 +159,9 @@ def squeeze_low() -> Iterator[None]:
 @contextlib.contextmanager
 def doubling_loses_a_copy() -> Iterator[None]:
     """When the sample is doubled, the copy of the largest aggregate is lost."""
-    from mcdem.monte_carlo.population import Population
+    from mcdem.monte_carlo.population import SamplePopulation
 
-    intact = Population.double
+    intact = SamplePopulation.double
 
     def double(self):
         largest = max(self, key=lambda placed: placed[1].size)[0]
@@ -171,23 +171,23 @@ def doubling_loses_a_copy() -> Iterator[None]:
         assert self.number == 2 * before
         self._take(max(copies))
 
-    with mock.patch.object(Population, "double", double):
+    with mock.patch.object(SamplePopulation, "double", double):
         yield
 
 
 @contextlib.contextmanager
 def flat_encounter_rates() -> Iterator[None]:
     """Pairs of the sample meet at rates that do not grow with their size."""
-    from mcdem.monte_carlo.population import Population
+    from mcdem.monte_carlo.population import SamplePopulation
 
-    intact = Population._count
+    intact = SamplePopulation._count
 
     def count(self, place, aggregate, sign):
         intact(self, place, aggregate, sign)
         if sign > 0:
             self.outer_radii[place] = 2.0 * self.primary_radius
 
-    with mock.patch.object(Population, "_count", count):
+    with mock.patch.object(SamplePopulation, "_count", count):
         yield
 
 
@@ -208,17 +208,17 @@ def aggregation_half() -> Iterator[None]:
 @contextlib.contextmanager
 def clock_slow() -> Iterator[None]:
     """The process time of a run is read as twice what it was."""
-    from mcdem.analysis.dataset import Run
+    from mcdem.analysis.dataset import RunDataset
     from validation import datasets
 
-    intact, series = Run.time.fget, datasets.series  # type: ignore[attr-defined]
+    intact, series = RunDataset.time.fget, datasets.series  # type: ignore[attr-defined]
 
     def slow():
         run = series()
         return replace(run, time=2.0 * run.time)
 
     with (
-        mock.patch.object(Run, "time", property(lambda self: 2.0 * intact(self))),
+        mock.patch.object(RunDataset, "time", property(lambda self: 2.0 * intact(self))),
         mock.patch.object(datasets, "series", slow),
     ):
         yield

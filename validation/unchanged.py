@@ -29,7 +29,7 @@ NOT_COMPARED = ("cpu_time",)
 """Variables that no two runs have in common."""
 
 
-class Case(NamedTuple):
+class FixedRun(NamedTuple):
     """A run."""
 
     scene: str
@@ -38,14 +38,14 @@ class Case(NamedTuple):
 
 
 CASES = {
-    "simple shear at 1000 Pa": Case("paper-1000Pa", 300, 60),
-    "contact torques": Case("moments-1000Pa", 60, 24),
-    "two sizes": Case("two-sizes", 150, 40),
-    "extension": Case("uniaxial-extension", 150, 40),
+    "simple shear at 1000 Pa": FixedRun("paper-1000Pa", 300, 60),
+    "contact torques": FixedRun("moments-1000Pa", 60, 24),
+    "two sizes": FixedRun("two-sizes", 150, 40),
+    "extension": FixedRun("uniaxial-extension", 150, 40),
 }
 
 
-def follow(case: Case, path: Path) -> None:
+def follow(case: FixedRun, path: Path) -> None:
     """Write the dataset of a run."""
     scene = mcdem.load_scene(SCENES / f"{case.scene}.toml")
     mcdem.run(scene.with_changes({"population.initial": case.primaries}), path, events=case.events, seed=1)

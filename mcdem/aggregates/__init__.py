@@ -1,1 +1,5 @@
 """Aggregates: primaries and their contacts, size, shape and rigidity."""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

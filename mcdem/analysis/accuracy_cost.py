@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcdem.aggregates.aggregate import Aggregate
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.analysis.statistics import mean_limits, share, shares
 from mcdem.encounter.capture_efficiency import Capture, fejer
 from mcdem.encounter.simulate import OUTCOMES, physics_of, simulate_encounter
@@ -146,7 +146,7 @@ def draw_pairs(scene: Scene, runs: Sequence[Path | str], count: int, seed: int) 
     radius, rng = scene.suspension.radius, stream(seed, "cost pairs")
     populations: list[list[Aggregate]] = []
     for path in runs:
-        run = Run(path)
+        run = RunDataset(path)
         if not np.isclose(run.scene.suspension.radius, radius, rtol=1e-6):
             raise UserError(
                 f"{path}: its primaries have a radius of {run.scene.suspension.radius:g} m, those of {scene.name} "

@@ -26,7 +26,7 @@ LARGEST_CHANGE_OF_WIDTH = 0.20
 """As `statistics.LARGEST_CHANGE`, of sigma_P, which a few large aggregates decide and which scatters twice as much."""
 
 
-class Run:
+class RunDataset:
     """One dataset written by `mcdem run` (layout: `mcdem.monte_carlo.record`). Times are process times [s].
 
     series : Dataset over ``row``: time, number_of_aggregates, volume, mean_size, size_deviation, sauter_diameter
@@ -227,12 +227,12 @@ OF_REPLICAS = ("suspension", "flow", "effects", "hydrodynamics", "numerics", "po
 """Tables and keys of the scene that replicas share: all that decides what becomes of an aggregate."""
 
 
-def by_stress(runs: Iterable[Run]) -> dict[float, list[Run]]:
+def by_stress(runs: Iterable[RunDataset]) -> dict[float, list[RunDataset]]:
     """Replicas together, by rising shear stress [Pa].
 
     Raises `UserError` where two runs of one stress differ in more than seed, sample and end: they are no replicas.
     """
-    groups: dict[float, list[Run]] = {}
+    groups: dict[float, list[RunDataset]] = {}
     for run in sorted(runs, key=lambda run: run.stress):
         group = groups.setdefault(round(run.stress, 6), [])
         for name in OF_REPLICAS:
@@ -245,6 +245,6 @@ def by_stress(runs: Iterable[Run]) -> dict[float, list[Run]]:
     return groups
 
 
-def pooled_breakups(runs: Sequence[Run], convention: Convention) -> dict[str, float]:
+def pooled_breakups(runs: Sequence[RunDataset], convention: Convention) -> dict[str, float]:
     """`breakup.summarise` over the steady stretches of replicas."""
     return summarise(pool([run.late_breakups for run in runs], "breakup"), convention)

@@ -21,7 +21,7 @@ from scipy import stats
 
 from mcdem.analysis import paper
 from mcdem.analysis.breakup import EROSION_ABOVE, Convention, in_convention
-from mcdem.analysis.dataset import FEW_BREAKUPS, Run, origins, pool, pooled_breakups
+from mcdem.analysis.dataset import FEW_BREAKUPS, RunDataset, origins, pool, pooled_breakups
 from mcdem.analysis.statistics import (
     OF_MEANS,
     Given,
@@ -87,7 +87,7 @@ class Row:
         return None if meet and self.measured_high - self.measured_low > 2 * abs(self.measured) else meet
 
 
-def compare(runs: Sequence[Run]) -> list[Row]:
+def compare(runs: Sequence[RunDataset]) -> list[Row]:
     """Rows for replicas of one scene; empty where the paper prints nothing for it."""
     scene = runs[0].scene
     rows: list[Row] = []
@@ -103,7 +103,7 @@ def compare(runs: Sequence[Run]) -> list[Row]:
     return rows
 
 
-def _efficiency(runs: Sequence[Run]) -> Row:
+def _efficiency(runs: Sequence[RunDataset]) -> Row:
     """eta_11 from the encounters of two monomers: those that end as a doublet."""
     pairs = hits = 0
     for run in runs:
@@ -121,7 +121,7 @@ def _efficiency(runs: Sequence[Run]) -> Row:
     )
 
 
-def _slope(runs: Sequence[Run], low: float, high: float) -> tuple[float, int]:
+def _slope(runs: Sequence[RunDataset], low: float, high: float) -> tuple[float, int]:
     """d<P>/dt [1/s] while <P> grows from `low` to `high`, and the aggregations that it took, whose number's Poisson scatter is
     its error.
     """
@@ -138,7 +138,7 @@ def _slope(runs: Sequence[Run], low: float, high: float) -> tuple[float, int]:
     return float(np.mean(slopes)), events
 
 
-def _growth(runs: Sequence[Run], stress: float) -> Iterator[Row]:
+def _growth(runs: Sequence[RunDataset], stress: float) -> Iterator[Row]:
     """The start of <P>(t) against Eq. 22, and whether growth accelerates."""
     law = initial_growth(runs[0].scene, van_de_ven_mason(runs[0]))
     start, events = _slope(runs, 1.0, 1.25)
@@ -174,7 +174,7 @@ def _around(value: float, error: float) -> tuple[float, float, float]:
     return value, value - error, value + error
 
 
-def _every_population(runs: Sequence[Run]) -> Iterator[Row]:
+def _every_population(runs: Sequence[RunDataset]) -> Iterator[Row]:
     """What the text says of the steady population at every stress."""
     mean, sauter = ([run.average(name) for run in runs] for name in ("mean_size", "sauter_diameter"))
     scatter = []
@@ -243,7 +243,7 @@ FEWEST_SHOWN = 8
 """Of fewer clusters than these a mean size is told but not judged."""
 
 
-def _printed_clusters(runs: Sequence[Run]) -> Iterator[Row]:
+def _printed_clusters(runs: Sequence[RunDataset]) -> Iterator[Row]:
     """Mean size of the clusters that the paper shows of a steady population, beside that of ours: they may have been chosen."""
     mean = [run.average("mean_size") for run in runs]
     level = float(np.mean([average.mean for average in mean]))
@@ -270,7 +270,7 @@ FEWEST_CLUSTERS = 30
 """Clusters of P > 3 from which an exponent is taken at the start of a run."""
 
 
-def _early_shapes(runs: Sequence[Run]) -> Iterator[Row]:
+def _early_shapes(runs: Sequence[RunDataset]) -> Iterator[Row]:
     """d_g and d_o of the first clusters."""
     pooled = None
     for snapshot in range(min(len(run.snapshot_times) for run in runs)):
@@ -302,7 +302,7 @@ def _early_shapes(runs: Sequence[Run]) -> Iterator[Row]:
 REGRESSIONS: dict[Given, str] = {"length": "P on length", "size": "length on P"}
 
 
-def _population(runs: Sequence[Run]) -> Iterator[Row]:
+def _population(runs: Sequence[RunDataset]) -> Iterator[Row]:
     mean = [run.average("mean_size") for run in runs]
     deviation = [run.average("size_deviation") for run in runs]
     m, d = float(np.mean([x.mean for x in mean])), float(np.mean([x.mean for x in deviation]))
@@ -358,7 +358,7 @@ def _over_snapshots(
     return _around(float(values.mean()), float(reach))
 
 
-def _shapes(runs: Sequence[Run]) -> Iterator[Row]:
+def _shapes(runs: Sequence[RunDataset]) -> Iterator[Row]:
     late = [
         run.population(run.late_snapshots[k], rigidity=False)
         for run in runs
@@ -473,7 +473,7 @@ def _aspect_ratios(
     )
 
 
-def _breakups(runs: Sequence[Run]) -> Iterator[Row]:
+def _breakups(runs: Sequence[RunDataset]) -> Iterator[Row]:
     broken = pool([run.late_breakups for run in runs], "breakup")
     for convention, words in CONVENTION_WORDS.items():
         other = convention != JUDGED_CONVENTION
@@ -531,7 +531,7 @@ def _breakups(runs: Sequence[Run]) -> Iterator[Row]:
         )
 
 
-def breakup_exponents(groups: dict[float, list[Run]]) -> list[Row]:
+def breakup_exponents(groups: dict[float, list[RunDataset]]) -> list[Row]:
     """q of P_br and of <P> against stress, from three stresses or more."""
     if len(groups) < 3:
         return []

@@ -82,7 +82,7 @@ def kernels(
     from rich.progress import Progress as Bar
 
     from mcdem.commands.progress import RunDisplay
-    from mcdem.kernel_tables import Progress, refuse_unwritable, tabulate
+    from mcdem.kernel_tables import TableProgress, refuse_unwritable, tabulate
     from mcdem.monte_carlo import executors
     from mcdem.monte_carlo import process as simulate
     from mcdem.scene import load_scene
@@ -116,7 +116,7 @@ def kernels(
             task = bar.add_task("", total=encounters, state="")
             said = [0.0]
 
-            def show(now: Progress) -> None:
+            def show(now: TableProgress) -> None:
                 state = f"{now.reused} from runs, {now.designed} of {now.wanted} designed"
                 if now.mean_size is not None and now.error is not None:
                     state += f"; steady <P> = {now.mean_size:.3g} +- {100 * now.error:.2g} %"

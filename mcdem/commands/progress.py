@@ -33,7 +33,7 @@ class RunDisplay:
         )
         self._task = self._bar.add_task("run", total=1.0, state="compiling what is not yet compiled")
 
-    def __call__(self, now: simulate.Progress) -> None:
+    def __call__(self, now: simulate.RunProgress) -> None:
         """Show where the run stands."""
         # The first events wait for the compiler, and tell nothing of the pace.
         remaining = now.remaining if now.done > 0.01 else None

@@ -5,8 +5,6 @@ One file for each group of figures: `growth` (6, 7), `size_distribution` (8), `s
 tension), `strength` (static load). `paper` holds what Frungieri & Vanni print, to be marked in them.
 """
 
-from __future__ import annotations
+import lazy_loader as lazy
 
-from mcdem.figures.album import draw_all, figures_of, plot_run
-
-__all__ = ["draw_all", "figures_of", "plot_run"]
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from mcdem.analysis.dataset import Run, by_stress
+from mcdem.analysis.dataset import RunDataset, by_stress
 from mcdem.encounter import trajectory
 from mcdem.encounter.trajectory import Trajectory
 from mcdem.errors import UserError
@@ -50,7 +50,7 @@ OF_ONE_STRESS = (
 """One figure for each stress, its replicas together."""
 
 
-def figures_of(runs: Sequence[Run], trajectories: Sequence[Trajectory] = ()) -> Iterator[Figure]:
+def figures_of(runs: Sequence[RunDataset], trajectories: Sequence[Trajectory] = ()) -> Iterator[Figure]:
     """Every figure that the datasets allow."""
     ordered = sorted(runs, key=lambda run: run.stress)
     if ordered:
@@ -79,7 +79,7 @@ def draw_all(files: Sequence[Path], directory: Path) -> Iterator[Path]:
         if trajectory.is_trajectory(file):
             trajectories.append(trajectory.read(file))
         else:
-            runs.append(Run(file))
+            runs.append(RunDataset(file))
     for run in runs:
         run.scene.require_one_radius("the paper's figures are of such; `mcdem plot` draws its course")
         if not run.events.sizes["event"]:
@@ -91,7 +91,7 @@ def draw_all(files: Sequence[Path], directory: Path) -> Iterator[Path]:
 
 def plot_run(file: Path, output: Path) -> None:
     """<P>(t) and d32(t) of one run, with the slope of Eq. 22 at the start."""
-    numbers = growth.course(Run(file))
+    numbers = growth.course(RunDataset(file))
     with look():
         canvas = growth.draw_course(numbers)
         FILES.write_picture(output, canvas)

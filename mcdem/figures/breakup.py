@@ -10,13 +10,13 @@ from matplotlib.figure import Figure as Canvas
 
 from mcdem.analysis import paper
 from mcdem.analysis.breakup import CONVENTIONS, in_convention
-from mcdem.analysis.dataset import Run, by_stress, pool, pooled_breakups
+from mcdem.analysis.dataset import RunDataset, by_stress, pool, pooled_breakups
 from mcdem.analysis.statistics import OF_MEANS, fit_power_law, shares, why_no_fit
 from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.style import BLACK, CONVENTION, GREY, canvas, legend
 
 
-def critical_size(runs: Sequence[Run]) -> Figure:
+def critical_size(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 15: size just before breakup and mean size at steady state against shear stress."""
     groups = by_stress(runs)
     stresses = np.array(list(groups))
@@ -149,7 +149,7 @@ def draw_critical_size(numbers: xr.Dataset) -> Canvas:
 EDGES = np.linspace(0.0, 1.0, 21)
 
 
-def largest_fragment(runs: Sequence[Run]) -> Figure:
+def largest_fragment(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 16: largest fragment over parent."""
     broken = pool([run.late_breakups for run in runs], "breakup")
     counts = []

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Circle, Ellipse
 
 from mcdem.analysis import paper
-from mcdem.analysis.dataset import Run, by_stress
+from mcdem.analysis.dataset import RunDataset, by_stress
 from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.render import Camera, principal_view
 from mcdem.figures.render import Canvas as Picture
@@ -28,7 +28,7 @@ COLUMNS = (
 )
 
 
-def _collected(chosen: list[tuple[Run, int]]) -> xr.Dataset:
+def _collected(chosen: list[tuple[RunDataset, int]]) -> xr.Dataset:
     """Geometry and numbers of chosen aggregates of last snapshots; lengths in primary radii."""
     shapes = [run.geometry(k) for run, k in chosen]
     rows = [run.population(-1).isel(aggregate=k) for run, k in chosen]
@@ -67,7 +67,7 @@ def _picture(positions: np.ndarray, half_width: float, pixels: int = 440) -> np.
     return Picture(camera, pixels, pixels).spheres(positions, 1.0, TINT).smoothed()
 
 
-def chosen_shapes(run: Run, count: int = 3) -> list[int]:
+def chosen_shapes(run: RunDataset, count: int = 3) -> list[int]:
     """Aggregates of rising size and elongation: near the 50th, 80th and 99th percentile of P, ever longer."""
     found = run.population(-1)
     p, ratio = found["size"].values, found["aspect_ratio"].values
@@ -80,7 +80,7 @@ def chosen_shapes(run: Run, count: int = 3) -> list[int]:
     return chosen
 
 
-def clusters(runs: Sequence[Run]) -> Figure:
+def clusters(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 10: three aggregates of rising size from each stress, in their outer sphere and ellipsoid."""
     firsts = [group[0] for group in by_stress(runs).values()]
     numbers = _collected([(run, k) for run in firsts for k in chosen_shapes(run)])
@@ -128,7 +128,7 @@ def draw_clusters(numbers: xr.Dataset) -> Canvas:
     return figure
 
 
-def table_2(runs: Sequence[Run], rows: int = 10) -> Figure:
+def table_2(runs: Sequence[RunDataset], rows: int = 10) -> Figure:
     """Table 2: a sample of aggregates of the lowest stress, even over the sizes of P > 3."""
     run = next(iter(by_stress(runs).values()))[0]
     p = run.population(-1)["size"].values

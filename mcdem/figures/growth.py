@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
 from mcdem.analysis import paper
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.encounter import capture_efficiency as capture
 from mcdem.errors import UserError
 from mcdem.figures.figure import Figure, quantity
@@ -30,7 +30,7 @@ def thin(time: np.ndarray, *values: np.ndarray) -> tuple[np.ndarray, ...]:
     return time[kept], *(v[kept] for v in values)
 
 
-def history(runs: Sequence[Run], name: str, scale: float = 1.0) -> xr.Dataset:
+def history(runs: Sequence[RunDataset], name: str, scale: float = 1.0) -> xr.Dataset:
     """One series of every run on dimension ``run``, padded with NaN along ``row``; steady means with errors."""
     lines = [thin(run.time, run.series[name].values * scale) for run in runs]
     rows = max(len(t) for t, _ in lines)
@@ -82,7 +82,7 @@ def _lines(axes, numbers: xr.Dataset, name: str) -> None:
     )
 
 
-def with_initial_trend(numbers: xr.Dataset, run: Run) -> xr.Dataset:
+def with_initial_trend(numbers: xr.Dataset, run: RunDataset) -> xr.Dataset:
     """Add the start of a run and the slopes of Eq. 22 with the paper's eta_11 (Eq. 23) and with the computed one."""
     printed = paper.COLLISION_EFFICIENCY.items()
     efficiency = next((v for s, v in printed if paper.holds_for(run.scene, s)), van_de_ven_mason(run))
@@ -100,7 +100,7 @@ def with_initial_trend(numbers: xr.Dataset, run: Run) -> xr.Dataset:
     return numbers
 
 
-def van_de_ven_mason(run: Run) -> float:
+def van_de_ven_mason(run: RunDataset) -> float:
     """eta_11 of Eq. 23 with f = 0.95 (van de Ven & Mason 1977); NaN without van der Waals attraction."""
     return capture.van_de_ven_mason(run.scene)
 
@@ -115,13 +115,13 @@ def computed_efficiency(scene: Scene) -> float:
         return float("nan")
 
 
-def initial_stretch(run: Run) -> float:
+def initial_stretch(run: RunDataset) -> float:
     """Time [s] until <P> has grown by a half: monomers aggregate, and Eq. 22's slope has not steepened much."""
     grown = np.flatnonzero(run.series["mean_size"].values > 1.5)
     return float(run.time[grown[0]] if len(grown) else run.time[-1])
 
 
-def mean_size(runs: Sequence[Run]) -> Figure:
+def mean_size(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 6a, with the initial trend of the lowest stress against Eq. 22 in its inset."""
     numbers = with_initial_trend(history(runs, "mean_size"), runs[0])
     return Figure(
@@ -163,7 +163,7 @@ def draw_mean_size(numbers: xr.Dataset) -> Canvas:
     return figure
 
 
-def sauter_diameter(runs: Sequence[Run]) -> Figure:
+def sauter_diameter(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 6b."""
     numbers = history(runs, "sauter_diameter", 1e6)
     numbers["sauter_diameter"].attrs["units"] = "um"
@@ -181,7 +181,7 @@ def draw_sauter(numbers: xr.Dataset) -> Canvas:
     return figure
 
 
-def width(run: Run) -> Figure:
+def width(run: RunDataset) -> Figure:
     """Fig. 7: <P> and sigma_P of one run."""
     numbers = history([run], "mean_size").isel(run=0).rename(steady_mean="mean_size_steady")
     deviation = history([run], "size_deviation").isel(run=0)
@@ -221,7 +221,7 @@ def draw_width(numbers: xr.Dataset) -> Canvas:
 # The course of one run
 
 
-def course(run: Run) -> xr.Dataset:
+def course(run: RunDataset) -> xr.Dataset:
     """<P>(t) and d32(t) of one run, and its initial trend."""
     numbers = history([run], "mean_size").isel(run=0)
     numbers["sauter_diameter"] = history([run], "sauter_diameter", 1e6)["sauter_diameter"].isel(run=0)

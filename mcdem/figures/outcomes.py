@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.analysis.statistics import count_limits, share, shares
 from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.style import BLACK, GREY, OUTCOME, canvas, legend
@@ -16,7 +16,7 @@ from mcdem.figures.style import BLACK, GREY, OUTCOME, canvas, legend
 BINS = 20
 
 
-def _gathered(runs: Sequence[Run]) -> xr.Dataset:
+def _gathered(runs: Sequence[RunDataset]) -> xr.Dataset:
     """Encounters of replicas one after another: outcome, offset in R_i + R_j, times in strains, tension in pull-offs."""
     columns = []
     for run in runs:
@@ -44,7 +44,7 @@ def _gathered(runs: Sequence[Run]) -> xr.Dataset:
     return xr.concat(columns, "event", join="exact")
 
 
-def pull_off_force(run: Run) -> float | None:
+def pull_off_force(run: RunDataset) -> float | None:
     """Pull-off force of a contact [N]; None in a scene without contacts."""
     contact = run.scene.effects.contact
     return float(contact.pull_off_force(run.radius)) if contact is not None else None
@@ -53,7 +53,7 @@ def pull_off_force(run: Run) -> float | None:
 # Outcome against offset
 
 
-def outcome_offset(runs: Sequence[Run]) -> Figure:
+def outcome_offset(runs: Sequence[RunDataset]) -> Figure:
     """Where in the cross section an encounter starts, and how it ends."""
     found = _gathered(runs)
     offset = np.abs(found["offset"].values)
@@ -140,7 +140,7 @@ def draw_outcome_offset(numbers: xr.Dataset) -> Canvas:
 # Time to first bond loss
 
 
-def first_bond_loss(runs: Sequence[Run]) -> Figure | None:
+def first_bond_loss(runs: Sequence[RunDataset]) -> Figure | None:
     """Strain from the first contact to the first bond lost after it; None where the dataset does not tell."""
     if any("first_bond_loss_time" not in run.events for run in runs):
         return None
@@ -206,7 +206,7 @@ def draw_first_bond_loss(numbers: xr.Dataset) -> Canvas:
 # Bond tension
 
 
-def bond_tension(runs: Sequence[Run]) -> Figure:
+def bond_tension(runs: Sequence[RunDataset]) -> Figure:
     """Largest tension met in each encounter over the pull-off force."""
     found = _gathered(runs)
     return Figure(

@@ -14,7 +14,7 @@ import numpy as np
 
 from mcdem.analysis import paper
 from mcdem.analysis.breakup import in_convention
-from mcdem.analysis.dataset import FEW_BREAKUPS, Run
+from mcdem.analysis.dataset import FEW_BREAKUPS, RunDataset
 from mcdem.analysis.paper_comparison import RULE, compare
 from mcdem.analysis.statistics import STEADY_TEST, share
 from mcdem.effects.sums import contact_equilibrium
@@ -30,7 +30,7 @@ BOLTZMANN, ROOM_TEMPERATURE = 1.380649e-23, 298.15
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 
 
-def parameters(run: Run) -> list[tuple[str, str, str, str]]:
+def parameters(run: RunDataset) -> list[tuple[str, str, str, str]]:
     """(table, key, value in SI, meaning) of everything the scene holds."""
     rows = []
     tables = {(key.table, key.key): key for key in describe()}
@@ -47,7 +47,7 @@ def parameters(run: Run) -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def dimensionless_groups(run: Run) -> list[tuple[str, str, float]]:
+def dimensionless_groups(run: RunDataset) -> list[tuple[str, str, float]]:
     """(symbol, meaning, value) of what governs the run."""
     scene, a = run.scene, run.radius
     stress, attraction = scene.flow.shear_stress, scene.effects.attraction
@@ -78,7 +78,7 @@ def dimensionless_groups(run: Run) -> list[tuple[str, str, float]]:
     return groups
 
 
-def outcomes(run: Run) -> list[dict[str, Any]]:
+def outcomes(run: RunDataset) -> list[dict[str, Any]]:
     """Count, share with 95 % limits and effort of each outcome."""
     words, cpu = run.outcome, run.events["cpu_time"].values
     rows = []
@@ -99,7 +99,7 @@ def outcomes(run: Run) -> list[dict[str, Any]]:
     return rows
 
 
-def _too_long(run: Run) -> str:
+def _too_long(run: RunDataset) -> str:
     """What share of the encounters may be unresolved for the length of their approach; empty outside of simple shear."""
     numerics = run.scene.numerics
     if run.scene.flow.kind != "simple_shear":
@@ -112,7 +112,7 @@ def _too_long(run: Run) -> str:
     )
 
 
-def warnings(run: Run) -> Iterator[str]:
+def warnings(run: RunDataset) -> Iterator[str]:
     """What a reader should know before believing a number."""
     if not run.steady.reached:
         yield (
@@ -144,7 +144,7 @@ def warnings(run: Run) -> Iterator[str]:
 
 def report(file: Path | str) -> str:
     """HTML of the report of one run, all in one file."""
-    run = Run(file)
+    run = RunDataset(file)
     run.scene.require_one_radius("the report is made of the paper's figures; `mcdem plot` draws its course")
     if not run.events.sizes["event"]:
         raise UserError(f"{run.path}: holds no encounter yet; let `mcdem run` go on with --resume")

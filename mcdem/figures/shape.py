@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
 from mcdem.analysis import paper
-from mcdem.analysis.dataset import Run, origins, pool
+from mcdem.analysis.dataset import RunDataset, origins, pool
 from mcdem.analysis.statistics import GIVENS, SMALLEST_FITTED, PowerLaw, fit_mass_size, shares, why_no_fit
 from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.size_distribution import stretch
@@ -19,7 +19,7 @@ MOST_SNAPSHOTS = 60
 """Fits against time take at most so many snapshots."""
 
 
-def last_population(runs: Sequence[Run]) -> xr.Dataset:
+def last_population(runs: Sequence[RunDataset]) -> xr.Dataset:
     """Every aggregate of the last snapshots of replicas, with both conventions of the ellipsoid."""
     found = pool([run.population(-1) for run in runs], "aggregate")
     solid = pool([run.population(-1, "spheres", rigidity=False) for run in runs], "aggregate")
@@ -39,7 +39,7 @@ def _row(fit: PowerLaw | None) -> list[float]:
     return [getattr(fit, name) if fit else np.nan for name in FIT]
 
 
-def mass_size(runs: Sequence[Run]) -> Figure:
+def mass_size(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 9: P against R_g/a, with the exponents' course in the inset."""
     found = last_population(runs)
     a = runs[0].radius
@@ -152,7 +152,7 @@ def draw_mass_size(numbers: xr.Dataset) -> Canvas:
 # Fig. 11
 
 
-def solid_fraction(runs: Sequence[Run]) -> Figure:
+def solid_fraction(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 11: solid fraction by outer sphere and by ellipsoid."""
     found = last_population(runs)
     names = ["size", "solid_fraction_sphere", "solid_fraction_ellipsoid", "solid_fraction_ellipsoid_spheres"]
@@ -210,7 +210,7 @@ def draw_solid_fraction(numbers: xr.Dataset) -> Canvas:
 BINS = np.arange(1.0, 8.01, 0.25)
 
 
-def aspect_distribution(runs: Sequence[Run]) -> Figure:
+def aspect_distribution(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 12a: distribution of the aspect ratio of aggregates of P > 2."""
     found = last_population(runs)
     ratio = found["aspect_ratio"].values[found["size"].values > 2]
@@ -282,7 +282,7 @@ def draw_aspect_distribution(numbers: xr.Dataset) -> Canvas:
     return figure
 
 
-def aspect_against_size(runs: Sequence[Run]) -> Figure:
+def aspect_against_size(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 12b."""
     found = last_population(runs)
     return Figure(
@@ -316,7 +316,7 @@ def draw_aspect_against_size(numbers: xr.Dataset) -> Canvas:
 # Fig. 13 and isostaticity
 
 
-def coordination(runs: Sequence[Run]) -> Figure:
+def coordination(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 13: mean coordination number against P, markers by how many aggregates share the pair of values."""
     found = last_population(runs)
     pairs, count = np.unique(
@@ -366,7 +366,7 @@ def draw_coordination(numbers: xr.Dataset) -> Canvas:
     return figure
 
 
-def isostaticity(runs: Sequence[Run]) -> Figure:
+def isostaticity(runs: Sequence[RunDataset]) -> Figure:
     """Bonds beyond or short of 3P - 6, and what they leave floppy."""
     found = last_population(runs)
     names = ["size", "bond_count", "isostatic_bond_count", "floppy_modes", "redundant_bonds"]

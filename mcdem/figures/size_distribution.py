@@ -9,13 +9,13 @@ import xarray as xr
 from matplotlib.figure import Figure as Canvas
 from scipy import stats
 
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.analysis.statistics import shares
 from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.style import BLACK, BLUE, GREY, VERMILION, canvas, legend
 
 
-def late_shares(runs: Sequence[Run], values_of: str, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+def late_shares(runs: Sequence[RunDataset], values_of: str, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     """Share of aggregates per bin over the snapshots of the steady stretches, with its scatter over snapshots.
 
     The scatter is between whole populations at different times, not between aggregates: it holds for correlated ones.
@@ -31,16 +31,16 @@ def late_shares(runs: Sequence[Run], values_of: str, edges: np.ndarray) -> tuple
     return table.mean(axis=0), table.std(axis=0), len(table)
 
 
-def stretch(runs: Sequence[Run]) -> str:
+def stretch(runs: Sequence[RunDataset]) -> str:
     """What late snapshots are taken from."""
     return "steady stretch" if all(run.steady.reached for run in runs) else "last 40 % (not steady)"
 
 
-def _last(runs: Sequence[Run], name: str) -> np.ndarray:
+def _last(runs: Sequence[RunDataset], name: str) -> np.ndarray:
     return np.concatenate([run.population(-1, rigidity=False)[name].values for run in runs])
 
 
-def by_primaries(runs: Sequence[Run]) -> Figure:
+def by_primaries(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 8a."""
     sizes = _last(runs, "size")
     largest = int(max(sizes.max(), 2))
@@ -97,7 +97,7 @@ def draw_by_primaries(numbers: xr.Dataset) -> Canvas:
     return figure
 
 
-def by_radius(runs: Sequence[Run]) -> Figure:
+def by_radius(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 8b."""
     radii = _last(runs, "outer_radius") / runs[0].radius
     edges = np.arange(0.75, radii.max() + 0.5, 0.5)  # a monomer, R = a, in the middle of the first bin

@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
 from mcdem.analysis import paper
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.analysis.statistics import SMALLEST_FITTED, fit_power_law, origins_of
 from mcdem.encounter.static_strength import worst_loads
 from mcdem.figures.figure import Figure, quantity
@@ -19,7 +19,7 @@ MOST_SNAPSHOTS = 8
 """Of each run: aggregates live on from one to the next, so more snapshots would tell little more."""
 
 
-def static_load(runs: Sequence[Run]) -> Figure | None:
+def static_load(runs: Sequence[RunDataset]) -> Figure | None:
     """Largest static tension over pull-off force against P; None where too few are rigid (`OF_AGGREGATES`)."""
     sizes, loads = [], []
     for run in runs:

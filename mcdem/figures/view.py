@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.colors import to_hex, to_rgb
 from numpy.typing import NDArray
 
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.encounter import trajectory
 from mcdem.encounter.trajectory import Trajectory
 from mcdem.errors import UserError
@@ -45,7 +45,7 @@ def page_of(file: Path, snapshot: int = -1) -> str:
     """HTML of a file, whichever of the two it is; raises `UserError`."""
     if trajectory.is_trajectory(file):
         return encounter_page(trajectory.read(file))
-    run = Run(file)
+    run = RunDataset(file)
     count = len(run.snapshot_times)
     if not -count <= snapshot < count:
         raise UserError(f"{file}: has no snapshot {snapshot}; expected {-count} to {count - 1}")
@@ -112,7 +112,7 @@ def encounter_page(t: Trajectory) -> str:
     )
 
 
-def population_page(run: Run, snapshot: int = -1) -> str:
+def population_page(run: RunDataset, snapshot: int = -1) -> str:
     """HTML of a run's snapshot: its aggregates on a shelf, by size, each by its own colour."""
     k3d = _k3d()
     sizes = run.population(snapshot, rigidity=False)["size"].values

@@ -41,7 +41,7 @@ class Product:
     """How many of its primary particles came from the first parent."""
 
 
-class Population:
+class SamplePopulation:
     """Aggregates at places 0, 1, 2, ...; a free place holds `None` and has size and outer radius 0.
 
     Attributes
@@ -70,7 +70,7 @@ class Population:
         self._cubed_radii = 0
 
     @classmethod
-    def of_primaries(cls, scene: Scene) -> Population:
+    def of_primaries(cls, scene: Scene) -> SamplePopulation:
         """The suspension at the start: `population.initial` free primary particles at the scene's volume fraction.
 
         Of several radii, each has its share of them, to within one primary.
@@ -221,7 +221,7 @@ class Population:
         places: Sequence[int],
         serials: Sequence[int],
         aggregates: Sequence[Aggregate],
-    ) -> Population:
+    ) -> SamplePopulation:
         """The population that a dataset holds."""
         population = cls(primary_radius, volume, max(16, len(aggregates)))
         for place, serial, aggregate in zip(places, serials, aggregates, strict=True):

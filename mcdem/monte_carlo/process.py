@@ -34,7 +34,7 @@ from mcdem.monte_carlo import executors
 from mcdem.monte_carlo.event_selection import EventSelection, Meeting, event_selection
 from mcdem.monte_carlo.executors import Encounter, EngineError
 from mcdem.monte_carlo.expected_output import MOST_UNCHANGED
-from mcdem.monte_carlo.population import Population, Product
+from mcdem.monte_carlo.population import Product, SamplePopulation
 from mcdem.monte_carlo.record import Record
 from mcdem.monte_carlo.speculative_execution import SpeculativeExecution
 from mcdem.netcdf.whole_files import FILES, RUN
@@ -71,7 +71,7 @@ class Process:
     """The suspension in time: a population, the selection of its encounters, and the record of what happened."""
 
     scene: Scene
-    population: Population
+    population: SamplePopulation
     selection: EventSelection
     record: Record
     time: float = 0.0
@@ -79,7 +79,7 @@ class Process:
 
     @classmethod
     def begin(cls, scene: Scene, seed: int, keep_parents: tuple[str, ...]) -> Process:
-        population = Population.of_primaries(scene)
+        population = SamplePopulation.of_primaries(scene)
         record = Record(scene, checked(seed), keep_parents)
         record.sample(0.0, population)
         return cls(scene, population, event_selection(scene, population, seed), record)
@@ -137,7 +137,7 @@ class Process:
 
 
 @dataclass(frozen=True)
-class Progress:
+class RunProgress:
     """Where a run stands."""
 
     time: float
@@ -157,7 +157,7 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class Summary:
+class RunSummary:
     """What a call of `run` did."""
 
     path: Path
@@ -187,11 +187,11 @@ def run(
     executor: Executor | None = None,
     resume: bool = False,
     overwrite: bool = False,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[RunProgress], None] | None = None,
     encounter: Encounter = simulate_encounter,
     keep_parents: tuple[str, ...] = ("unresolved",),
     checkpoint_every: float = CHECKPOINT_EVERY,
-) -> Summary:
+) -> RunSummary:
     """Follow the suspension of `scene` and write its dataset (layout: `mcdem.monte_carlo.record`).
 
     Parameters
@@ -203,7 +203,7 @@ def run(
     executor : computes the encounters instead: anything with the contract of `concurrent.futures.Executor`
     resume : go on from what `output` holds, if it exists
     overwrite : replace `output` if it exists
-    progress : called with a `Progress` a few times a second
+    progress : called with a `RunProgress` a few times a second
     encounter : resolves an encounter, `simulate_encounter` or anything of its form
     keep_parents : outcomes for which the geometry of the parents is kept
     checkpoint_every : longest time between two writings [s]; but writing takes at most 2 % of the time
@@ -276,7 +276,7 @@ def run(
             writing.now()
             if progress is not None:
                 progress(pace.report())
-    return Summary(
+    return RunSummary(
         path,
         process.time,
         process.events,
@@ -360,7 +360,7 @@ class _Pace:
     def report_due(self) -> bool:
         return clock.monotonic() - self._reported > 0.2
 
-    def report(self) -> Progress:
+    def report(self) -> RunProgress:
         now, done = clock.monotonic(), self._done()
         self._reported = now
         then, done_then = self._shares[0]
@@ -368,7 +368,7 @@ class _Pace:
         if now - self._shares[-1][0] > 1.0:
             self._shares.append((now, done))
         process = self._process
-        return Progress(
+        return RunProgress(
             process.time,
             process.events,
             process.population.number,

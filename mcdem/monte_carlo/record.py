@@ -37,7 +37,7 @@ from mcdem.aggregates.morphology import aspect_ratio, second_moments, semi_axes
 from mcdem.encounter.simulate import OUTCOMES
 from mcdem.errors import DataFileError
 from mcdem.monte_carlo.event_selection import Meeting
-from mcdem.monte_carlo.population import Population, Product
+from mcdem.monte_carlo.population import Product, SamplePopulation
 from mcdem.netcdf.whole_files import FILES, RUN, SEALED
 
 if TYPE_CHECKING:
@@ -184,7 +184,7 @@ KEPT = {
 }
 
 
-class Table:
+class Columns:
     """Rows of named columns that grow at the end."""
 
     def __init__(self, variables: dict[str, Variable], rows: int = 64) -> None:
@@ -225,9 +225,9 @@ class Geometries:
 
     def __init__(self, resisting: bool, several: bool) -> None:
         self.resisting, self.several = resisting, several
-        self.aggregates = Table(AGGREGATES)
-        self.primaries = Table(PRIMARIES | RADII if several else PRIMARIES)
-        self.bonds = Table(BONDS | SPRINGS if resisting else BONDS)
+        self.aggregates = Columns(AGGREGATES)
+        self.primaries = Columns(PRIMARIES | RADII if several else PRIMARIES)
+        self.bonds = Columns(BONDS | SPRINGS if resisting else BONDS)
 
     def extend(self, aggregates: Sequence[Aggregate], serials: Sequence[int], outer_radii: ArrayLike) -> None:
         positions = np.concatenate([aggregate.positions for aggregate in aggregates])
@@ -279,7 +279,7 @@ class Geometries:
         self.aggregates.cut(row)
 
     @property
-    def tables(self) -> dict[str, Table]:
+    def tables(self) -> dict[str, Columns]:
         return {"aggregate": self.aggregates, "primary": self.primaries, "contact": self.bonds}
 
 
@@ -298,10 +298,10 @@ class Snapshots:
     """Populations at chosen times."""
 
     def __init__(self, resisting: bool, several: bool) -> None:
-        self.times = Table(SNAPSHOTS)
+        self.times = Columns(SNAPSHOTS)
         self.geometries = Geometries(resisting, several)
 
-    def append(self, time: float, population: Population) -> None:
+    def append(self, time: float, population: SamplePopulation) -> None:
         self.times.append(time=time, volume=population.volume, number_of_aggregates=population.number)
         places, aggregates = zip(*population, strict=True)
         self.geometries.extend(
@@ -335,11 +335,11 @@ class Record:
     seed: int
     keep_parents: tuple[str, ...] = ("unresolved",)
     """Outcomes for which the parents' geometry is kept."""
-    series: Table = field(default_factory=lambda: Table(SERIES))
-    events: Table = field(default_factory=lambda: Table(EVENTS))
-    products: Table = field(default_factory=lambda: Table(PRODUCTS))
+    series: Columns = field(default_factory=lambda: Columns(SERIES))
+    events: Columns = field(default_factory=lambda: Columns(EVENTS))
+    products: Columns = field(default_factory=lambda: Columns(PRODUCTS))
     snapshots: Snapshots = field(init=False)
-    kept: Table = field(default_factory=lambda: Table(KEPT))
+    kept: Columns = field(default_factory=lambda: Columns(KEPT))
     kept_parents: Geometries = field(init=False)
 
     def __post_init__(self) -> None:
@@ -348,7 +348,7 @@ class Record:
         self.snapshots = Snapshots(*kind)
         self.kept_parents = Geometries(*kind)
 
-    def sample(self, time: float, population: Population) -> None:
+    def sample(self, time: float, population: SamplePopulation) -> None:
         """Append to the series."""
         self.series.append(
             time=time,
@@ -423,7 +423,7 @@ class Record:
     # To the file
 
     def write(
-        self, path: Path, time: float, population: Population, selection: dict[str, Any], discarded: int
+        self, path: Path, time: float, population: SamplePopulation, selection: dict[str, Any], discarded: int
     ) -> None:
         """Replace the file at `path` by one that holds everything until `time` [s]; all or nothing."""
         self.snapshots.append(time, population)
@@ -434,7 +434,7 @@ class Record:
             self.snapshots.drop_last()
 
     def _fill(
-        self, file: netCDF4.Dataset, population: Population, selection: dict[str, Any], discarded: int
+        self, file: netCDF4.Dataset, population: SamplePopulation, selection: dict[str, Any], discarded: int
     ) -> None:
         _describe(
             file,
@@ -472,7 +472,7 @@ class Record:
     # From the file
 
     @classmethod
-    def read(cls, path: Path, scene: Scene) -> tuple[Record, float, Population, dict[str, Any]]:
+    def read(cls, path: Path, scene: Scene) -> tuple[Record, float, SamplePopulation, dict[str, Any]]:
         """What `write` wrote: the record, the time [s], the population and the state of the event selection."""
         with opened(path) as (file,):
             _refuse_another_scene(path, str(file.scene), scene)
@@ -488,7 +488,7 @@ class Record:
             time, volume, serials, aggregates = record.snapshots.last()
             record.history = [*stretches(file), _stretch(record.events.rows, time)]
             record.snapshots.drop_last()
-            population = Population.restored(
+            population = SamplePopulation.restored(
                 scene.suspension.radius,
                 volume,
                 int(state.pop("next_serial")),
@@ -542,7 +542,7 @@ def _describe(node: Any, attributes: dict[str, Any]) -> None:
         node.setncattr(name, value.encode() if isinstance(value, str) else value)
 
 
-def _put(group: netCDF4.Dataset, tables: dict[str, Table]) -> None:
+def _put(group: netCDF4.Dataset, tables: dict[str, Columns]) -> None:
     for row, table in tables.items():
         group.createDimension(row, table.rows)
         for name, variable in table.variables.items():
@@ -564,7 +564,7 @@ def _put(group: netCDF4.Dataset, tables: dict[str, Table]) -> None:
             stored[:] = column
 
 
-def _get(group: netCDF4.Dataset, tables: dict[str, Table]) -> None:
+def _get(group: netCDF4.Dataset, tables: dict[str, Columns]) -> None:
     group.set_auto_mask(False)
     for row, table in tables.items():
         rows = len(group.dimensions[row])

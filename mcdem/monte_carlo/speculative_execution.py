@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mcdem.aggregates.aggregate import Aggregate
     from mcdem.encounter.simulate import EncounterResult
     from mcdem.monte_carlo.event_selection import EventSelection, Meetings
-    from mcdem.monte_carlo.population import Population
+    from mcdem.monte_carlo.population import SamplePopulation
 
 DEPTH = 16
 """Encounters looked at ahead, per worker."""
@@ -87,7 +87,7 @@ class SpeculativeExecution:
         compute: Callable[..., EncounterResult],
         executor: Executor,
         workers: int,
-        population: Population,
+        population: SamplePopulation,
         selection: EventSelection,
         alone: bool = False,
         finished: SimpleQueue[Any] | None = None,

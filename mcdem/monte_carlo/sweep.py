@@ -275,7 +275,7 @@ class _Sweep:
 
     def _run_on(self, executor: Executor, waiting: Sequence[int]) -> list[int]:
         """Run these members; returns those whose worker died."""
-        futures: dict[Future[simulate.Summary], int] = {}
+        futures: dict[Future[simulate.RunSummary], int] = {}
         broken = []
         try:
             for k in waiting:
@@ -303,7 +303,7 @@ class _Sweep:
             )
         return sorted(broken)
 
-    def _interrupt(self, executor: Executor, futures: Mapping[Future[simulate.Summary], int]) -> None:
+    def _interrupt(self, executor: Executor, futures: Mapping[Future[simulate.RunSummary], int]) -> None:
         """Wait until every member that is running here has written what it has."""
         for future in futures:
             future.cancel()
@@ -325,10 +325,10 @@ class _Sweep:
                         continue
                 self._members[k] = replace(self._members[k], state="waiting")
 
-    def _settle(self, k: int, future: Future[simulate.Summary]) -> None:
+    def _settle(self, k: int, future: Future[simulate.RunSummary]) -> None:
         """Note what came of a member; raises `EngineError` if its worker died."""
         try:
-            summary: simulate.Summary = result_of(future)
+            summary: simulate.RunSummary = result_of(future)
         except EngineError:
             raise
         except UserError as problem:
@@ -368,7 +368,7 @@ class _Sweep:
 
 def _run_member(
     member: Member, until: float | None, events: int | None, encounter: Encounter
-) -> simulate.Summary:
+) -> simulate.RunSummary:
     """On a worker, which ignores Ctrl-C but for the run itself."""
     heard = threading.current_thread() is threading.main_thread()
     before = signal.signal(signal.SIGINT, lambda number, frame: None) if heard else None

@@ -1,1 +1,5 @@
-"""Quantities with units, tables of a scene file, linear flows."""
+"""Quantities with units, tables of a scene file, linear flows, suspension, random streams."""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

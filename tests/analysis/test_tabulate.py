@@ -9,7 +9,7 @@ import pytest
 import synthetic
 from typer.testing import CliRunner
 
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.commands.main import app
 from mcdem.errors import DataFileError, UserError
 from mcdem.kernel_tables import ROUND, Library, plan, records_of_run, tabulate
@@ -44,7 +44,7 @@ def same(one, other):
 
 
 def test_a_runs_events_become_records(scene, dataset):
-    opened = Run(dataset)
+    opened = RunDataset(dataset)
     records = records_of_run(opened)
     assert len(records) == 600
     words = np.array(OUTCOMES)[records.outcome]
@@ -72,7 +72,7 @@ def test_designed_encounters_are_of_the_classes_planned(scene, dataset, tmp_path
     designed = table.with_records(table.records.select(table.records.source == 1))
     assert len(designed.records) == 2 * ROUND + 30
     before = table.with_records(table.records.select(table.records.source == 0))
-    library = Library.of([Run(dataset)], before)
+    library = Library.of([RunDataset(dataset)], before)
     planned = plan(before, library, scene.suspension.volume_fraction, 3, 0)
     np.testing.assert_array_equal(designed.pair[:ROUND], planned.pairs)
     assert planned.error is None or planned.error > 0
@@ -90,7 +90,7 @@ def test_the_table_is_the_same_on_two_workers_and_after_interruption(scene, data
 
 
 def test_encounters_of_two_primaries_come_first_until_there_are_enough(scene, dataset, tmp_path):
-    reused = int((records_of_run(Run(dataset)).size == 1).all(axis=1).sum())
+    reused = int((records_of_run(RunDataset(dataset)).size == 1).all(axis=1).sum())
     make(scene, tmp_path / "k.nc", dataset, ROUND + 60, primaries=reused + ROUND + 20)
     size = KernelTable.load(tmp_path / "k.nc").records.size[-ROUND - 60 :]
     assert np.all(size[: ROUND + 20] == 1)
@@ -103,7 +103,7 @@ def test_within_a_pair_of_classes_pairs_come_by_their_flux(scene, dataset, tmp_p
 
     make(scene, tmp_path / "k.nc", dataset, 0)
     table = KernelTable.load(tmp_path / "k.nc")
-    library = Library.of([Run(dataset)], table)
+    library = Library.of([RunDataset(dataset)], table)
     counts = np.array([len(m) for m in library.members])
     a, b = np.argsort(-counts)[:2]
     rng = np.random.default_rng(0)

@@ -153,7 +153,7 @@ def test_exit_code_tells_an_interrupted_run(tmp_path, monkeypatch, ended_by, cod
 
     def run(scene, output, **options):
         asked.update(options, scene=scene.name, output=output)
-        return simulate.Summary(output, 1.5, 7, {"missed": 7}, ended_by, 7, 0, 0.1)
+        return simulate.RunSummary(output, 1.5, 7, {"missed": 7}, ended_by, 7, 0, 0.1)
 
     monkeypatch.setattr(simulate, "run", run)
     output = tmp_path / "out.nc"

@@ -19,7 +19,7 @@ import synthetic
 import xarray as xr
 from typer.testing import CliRunner
 
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.analysis.dimensionless_groups import check
 from mcdem.encounter.simulate import simulate_encounter
 from mcdem.errors import UserError
@@ -103,7 +103,7 @@ def test_a_command_ends_in_one_line_and_keeps_what_it_has(command, table, tmp_pa
 
     assert re.search(words, last), last
     if command == "run":
-        assert len(Run("out.nc").events["time"]) >= 5
+        assert len(RunDataset("out.nc").events["time"]) >= 5
     if command == "solve":
         assert "mean_size_low" not in xr.open_dataset("out.nc")
 
@@ -181,7 +181,7 @@ def test_an_empty_stretch_costs_nothing_wherever_a_run_is_cut_off(tmp_path):
     scene = synthetic.scene(suspension__volume_fraction=1e-12, **EMPTY)
     options = {"encounter": synthetic.aggregation_and_breakup}
     simulate.run(scene, tmp_path / "empty.nc", events=15, **options)
-    run = Run(tmp_path / "empty.nc")
+    run = RunDataset(tmp_path / "empty.nc")
     assert run.time[-1] > 1e4
     assert len(run.snapshot_times) <= MOST_UNCHANGED * 16 + 1
     # The population between two encounters is that of the last snapshot before.
@@ -195,7 +195,7 @@ def test_an_empty_stretch_costs_nothing_wherever_a_run_is_cut_off(tmp_path):
     for until in np.linspace(0.1, 2.0, 11):
         simulate.run(scene, tmp_path / "parts.nc", until=float(until), resume=True, **options)
     assert differences(tmp_path / "whole.nc", tmp_path / "parts.nc") == []
-    gaps = np.diff(Run(tmp_path / "whole.nc").snapshot_times)
+    gaps = np.diff(RunDataset(tmp_path / "whole.nc").snapshot_times)
     assert gaps.max() > 2e-3 and np.median(gaps) == pytest.approx(1e-3)
 
 
@@ -225,7 +225,7 @@ def test_what_is_told_is_what_comes(tmp_path):
     scene = synthetic.scene(**EMPTY, suspension__volume_fraction=1e-5)
     path = tmp_path / "run.nc"
     simulate.run(scene, path, events=2000, encounter=synthetic.always_miss)
-    told, run = output_of(scene, events=2000), Run(path)
+    told, run = output_of(scene, events=2000), RunDataset(path)
     assert told is not None
     assert told.snapshots == pytest.approx(len(run.snapshot_times), rel=0.3)
     assert told.size == pytest.approx(path.stat().st_size, rel=0.5)
@@ -272,7 +272,7 @@ def test_an_engine_may_fail_in_any_way(tmp_path, problem, in_submit):
     with pytest.raises(EngineError, match=r"run.nc holds everything until t = .*--resume") as caught:
         simulate.run(scene, path, executor=Lost(problem, in_submit), **options)
     assert "\n" not in str(caught.value)
-    assert 0 < len(Run(path).events["time"]) < 40
+    assert 0 < len(RunDataset(path).events["time"]) < 40
 
 
 def test_a_sweep_whose_cluster_is_lost_can_go_on(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 from small_runs import small_runs
 
 from mcdem.aggregates.aggregate import Aggregate
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.encounter.static_strength import worst_loads
 from mcdem.figures.strength import static_load
 from mcdem.hydrodynamics import LEVELS
@@ -67,7 +67,7 @@ def test_an_octahedron_is_loaded_alike_in_all_its_poses_at_every_level(level):
 
 
 def test_the_figure_tells_rigid_from_floppy_aggregates(monkeypatch):
-    run = Run(small_runs()[1])
+    run = RunDataset(small_runs()[1])
     assert static_load([run]) is None  # its made-up aggregates are all floppy
     corners = tetrahedron(SCENE).positions
     outward = corners[1:].mean(axis=0) / np.linalg.norm(corners[1:].mean(axis=0))
@@ -76,7 +76,7 @@ def test_the_figure_tells_rigid_from_floppy_aggregates(monkeypatch):
         Aggregate.from_positions(SCENE, np.array(positions))
         for positions in (corners, capped, octahedron_centres(), [[0, 0, k * TOUCH] for k in range(5)])
     ]
-    monkeypatch.setattr(Run, "aggregates", lambda self, snapshot: shapes)
+    monkeypatch.setattr(RunDataset, "aggregates", lambda self, snapshot: shapes)
     figure = static_load([run])
     assert figure is not None
     numbers, snapshots = figure.numbers, len(run.late_snapshots)

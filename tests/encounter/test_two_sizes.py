@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import mcdem
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.aggregates.morphology import morphology
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.effects.sums import contact_equilibrium
 from mcdem.encounter import trajectory
 from mcdem.encounter.capture_efficiency import pair_efficiency
@@ -27,7 +27,7 @@ from mcdem.hydrodynamics.two_sphere import tables as two_sphere
 from mcdem.hydrodynamics.two_sphere import tensors as pair_tensors
 from mcdem.hydrodynamics.velocities import solve_velocities
 from mcdem.kernel_tables import tabulate
-from mcdem.monte_carlo.population import Population, shares_of
+from mcdem.monte_carlo.population import SamplePopulation, shares_of
 from mcdem.monte_carlo.process import run
 from mcdem.rigid_aggregates.statics import RIGID, analyse
 
@@ -276,7 +276,7 @@ def test_it_does_not_matter_which_of_two_sizes_is_called_first():
     assert found[0].smallest_gap == pytest.approx(found[1].smallest_gap, rel=1e-9)
 
 
-# Population and dataset
+# SamplePopulation and dataset
 
 
 def test_numbers_of_each_size_are_the_nearest_that_add_up():
@@ -294,14 +294,14 @@ def volume_by_size(aggregates) -> dict[float, int]:
 
 def test_the_start_has_the_volume_fraction_and_a_run_keeps_the_primaries_of_each_size(tmp_path):
     scene = COARSE.with_changes({"population.initial": 12, "run.until": None, "run.snapshot_every": "20 ms"})
-    start = Population.of_primaries(scene)
+    start = SamplePopulation.of_primaries(scene)
     solid = 4 / 3 * np.pi * sum(a.radii[0] ** 3 for _, a in start)
     assert solid / start.volume == pytest.approx(scene.suspension.volume_fraction, rel=1e-12)
     assert volume_by_size(a for _, a in start) == {250e-9: 6, 500e-9: 6}
 
     path = tmp_path / "run.nc"
     run(scene, path, events=14, seed=3)
-    whole = Run(path)
+    whole = RunDataset(path)
     assert (whole.outcome == "aggregation").any()
     assert (whole.outcome != "unresolved").all()
     for snapshot in range(len(whole.snapshot_times)):
@@ -320,7 +320,7 @@ def test_the_start_has_the_volume_fraction_and_a_run_keeps_the_primaries_of_each
     parts = tmp_path / "parts.nc"
     run(scene, parts, events=6, seed=3)
     run(scene, parts, events=14, seed=3, resume=True)
-    for ours, theirs in zip(Run(parts).aggregates(), last, strict=True):
+    for ours, theirs in zip(RunDataset(parts).aggregates(), last, strict=True):
         assert np.array_equal(ours.positions, theirs.positions)
         assert np.array_equal(ours.radii, theirs.radii)
     other = scene.with_changes({"suspension.number_fractions": [0.25, 0.75]})
@@ -339,7 +339,7 @@ def test_a_suspension_of_one_radius_keeps_none(tmp_path):
     run(one, tmp_path / "run.nc", events=1)
     with xr.open_dataset(tmp_path / "run.nc", group="snapshots") as stored:
         assert "radius" not in stored
-    assert all(a.radii is None for a in Run(tmp_path / "run.nc").aggregates())
+    assert all(a.radii is None for a in RunDataset(tmp_path / "run.nc").aggregates())
 
 
 def test_what_holds_for_one_radius_only_says_so(tmp_path):
@@ -371,6 +371,6 @@ def test_the_scene_runs_and_unequal_primaries_meet_and_stick(tmp_path):
     captured = [critical_share(*pair) for pair in ((LARGE, SMALL), (LARGE, LARGE), (SMALL, SMALL))]
     assert captured == pytest.approx([0.3307, 0.4158, 0.4775], abs=0.002)
     run(SCENE, tmp_path / "run.nc", events=60)
-    found = Run(tmp_path / "run.nc")
+    found = RunDataset(tmp_path / "run.nc")
     assert (found.outcome != "unresolved").all()
     assert (found.outcome == "aggregation").any()

@@ -9,7 +9,7 @@ from trimer import turning_trimer
 from typer.testing import CliRunner
 
 from mcdem.analysis.breakup import CONVENTIONS, in_convention
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.commands.main import app
 from mcdem.encounter import trajectory
 from mcdem.figures import breakup, draw_all, figures_of, plot_run
@@ -48,7 +48,7 @@ def test_numbers_lie_beside_and_carry_units(album):
 
 
 def test_a_figure_is_drawn_again_from_its_file(album, tmp_path):
-    for figure in figures_of([Run(small_runs()[1])]):
+    for figure in figures_of([RunDataset(small_runs()[1])]):
         file = album / f"{figure.name}_1000Pa.nc"
         if file.exists():
             with xr.open_dataset(file, decode_times=False) as numbers:
@@ -56,11 +56,11 @@ def test_a_figure_is_drawn_again_from_its_file(album, tmp_path):
 
 
 def numbers_of(name):
-    return next(f.numbers for f in figures_of([Run(small_runs()[1])]) if f.name.startswith(name))
+    return next(f.numbers for f in figures_of([RunDataset(small_runs()[1])]) if f.name.startswith(name))
 
 
 def test_distributions_count_every_aggregate():
-    run = Run(small_runs()[1])
+    run = RunDataset(small_runs()[1])
     total = run.population(-1).sizes["aggregate"]
     assert int(numbers_of("fig08a")["count"].sum()) == total
     assert int(numbers_of("fig08b")["count"].sum()) == total
@@ -74,7 +74,7 @@ def test_distributions_count_every_aggregate():
 
 
 def test_stresses_may_have_any_number_of_replicas():
-    one, other = (Run(path) for path in small_runs())
+    one, other = (RunDataset(path) for path in small_runs())
     numbers = breakup.critical_size([one, other, other]).numbers
     alone = breakup.critical_size([one, other]).numbers
     np.testing.assert_allclose(numbers["mean_size"], alone["mean_size"], rtol=1e-12)
@@ -97,7 +97,7 @@ def test_pair_force_has_the_papers_scales():
 
 def test_initial_slope_is_that_of_equation_22():
     """4/pi x 0.078 x 1e-4 x 1e4 1/s at 750 Pa."""
-    numbers = next(f.numbers for f in figures_of([Run(small_runs()[0])]) if f.name.startswith("fig06a"))
+    numbers = next(f.numbers for f in figures_of([RunDataset(small_runs()[0])]) if f.name.startswith("fig06a"))
     np.testing.assert_allclose(numbers["initial_slope"], 0.0993, rtol=1e-3)
     # Ours, by `mcdem efficiency`, is a few per cent from the law there.
     np.testing.assert_allclose(numbers["computed_slope"], numbers["initial_slope"], rtol=0.1)

@@ -9,7 +9,7 @@ from small_runs import small_runs
 from typer.testing import CliRunner
 
 import mcdem
-from mcdem.analysis.dataset import Run, by_stress
+from mcdem.analysis.dataset import RunDataset, by_stress
 from mcdem.analysis.paper_comparison import Row, breakup_exponents, compare
 from mcdem.analysis.statistics import count_limits
 from mcdem.commands.main import app
@@ -19,7 +19,7 @@ from mcdem.quantities.linear_flows import draw_offset
 
 @pytest.fixture(scope="module")
 def run():
-    return Run(small_runs()[1])
+    return RunDataset(small_runs()[1])
 
 
 def test_page_holds_everything_and_fetches_nothing():
@@ -118,7 +118,7 @@ def test_each_printed_number_has_one_verdict(run):
 
 
 def test_no_exponent_from_two_stresses():
-    assert breakup_exponents(by_stress([Run(path) for path in small_runs()])) == []
+    assert breakup_exponents(by_stress([RunDataset(path) for path in small_runs()])) == []
 
 
 def test_command_refuses_to_overwrite(tmp_path):

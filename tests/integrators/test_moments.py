@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import mcdem
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.effects.sums import contact_equilibrium, contact_force
 from mcdem.encounter.motion import analysed
 from mcdem.encounter.simulate import physics_of, springs_of
@@ -335,7 +335,7 @@ def test_a_run_keeps_histories_and_goes_on_from_them(tmp_path):
     run(s, tmp_path / "parts.nc", events=14, seed=3)
     run(s, tmp_path / "parts.nc", events=30, resume=True)
     assert identical(tmp_path / "whole.nc", tmp_path / "parts.nc")
-    springs = [a.springs for a in Run(tmp_path / "whole.nc").aggregates() if a.size > 1]
+    springs = [a.springs for a in RunDataset(tmp_path / "whole.nc").aggregates() if a.size > 1]
     assert springs and max(np.abs(one).max() for one in springs) > 1e-6
 
 

@@ -8,7 +8,7 @@ import synthetic
 import xarray as xr
 from typer.testing import CliRunner
 
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.commands.main import app
 from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo.compress import DIGITS, compress, rounded
@@ -60,7 +60,7 @@ def test_numbers_of_the_history_keep_their_digits(whole, small):
 
 
 def test_snapshots_are_those_asked_for_with_their_aggregates(whole, small):
-    full, kept = Run(whole), Run(small)
+    full, kept = RunDataset(whole), RunDataset(small)
     chosen = np.flatnonzero(np.isin(full.snapshot_times.round(6), kept.snapshot_times.round(6)))
     assert 4 <= len(kept.snapshot_times) == len(chosen) < len(full.snapshot_times)
     assert np.diff(kept.snapshot_times)[:-2] == pytest.approx(0.2)
@@ -90,7 +90,7 @@ def test_the_process_goes_on_bit_for_bit(whole, small, tmp_path):
         *(f"/snapshots/{name}" for name in xr.open_dataset(small, group="snapshots").variables),
     }
     assert "compressed" in xr.open_dataset(tmp_path / "short.nc").attrs["history"]
-    long, short = (Run(tmp_path / f"{name}.nc") for name in ("long", "short"))
+    long, short = (RunDataset(tmp_path / f"{name}.nc") for name in ("long", "short"))
     assert (long.snapshot_times[-1], *long.snapshot_times[-4:-1].round(9)) == (
         short.snapshot_times[-1],
         *short.snapshot_times[-4:-1].round(9),

@@ -16,7 +16,7 @@ from scipy import stats
 from mcdem.monte_carlo.event_selection import EventSelection, event_selection
 from mcdem.monte_carlo.event_selection.contract import encounter_rate
 from mcdem.monte_carlo.event_selection.majorant_rejection import BLOCK, MajorantRejection, capacity_for
-from mcdem.monte_carlo.population import Population
+from mcdem.monte_carlo.population import SamplePopulation
 from mcdem.monte_carlo.process import Process
 from mcdem.quantities.random_streams import stream
 
@@ -24,16 +24,16 @@ SIGNIFICANCE = 1e-3
 WAYS = ("majorant_rejection", "inverse_transform")
 
 
-def polydisperse(scene, sizes) -> Population:
+def polydisperse(scene, sizes) -> SamplePopulation:
     """Chains of the given sizes: outer radii P a."""
     radius = scene.suspension.radius
-    population = Population(radius, 1e-12)
+    population = SamplePopulation(radius, 1e-12)
     for size in sizes:
         population.add(synthetic.chain(size, radius))
     return population
 
 
-def frequencies(population: Population, shear_rate: float) -> np.ndarray:
+def frequencies(population: SamplePopulation, shear_rate: float) -> np.ndarray:
     """f_ij of all pairs i < j, written from Eq. 2."""
     radii = np.array([a.outer_radius(population.primary_radius) for _, a in population])
     f = 4 / 3 * shear_rate * (radii[:, None] + radii[None, :]) ** 3 / population.volume
@@ -95,7 +95,7 @@ def test_both_ways_agree_while_aggregates_form_and_break():
     }
     assert (
         min(run.population.volume for run in runs["majorant_rejection"])
-        > Population.of_primaries(runs["majorant_rejection"][0].scene).volume
+        > SamplePopulation.of_primaries(runs["majorant_rejection"][0].scene).volume
     )
     assert min(run.selection.epoch for run in runs["majorant_rejection"]) >= 3
     for observe in (
@@ -202,7 +202,7 @@ def test_a_restored_selection_goes_on_with_the_same_encounters(way, events):
     known = run.selection.ahead(1000)
     population = run.population
     places, aggregates = zip(*population, strict=True)
-    copy = Population.restored(
+    copy = SamplePopulation.restored(
         population.primary_radius,
         population.volume,
         population.next_serial,

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcdem.aggregates.aggregate import Aggregate
-from mcdem.monte_carlo.population import ConservationError, Population
+from mcdem.monte_carlo.population import ConservationError, SamplePopulation
 from mcdem.quantities.random_streams import stream
 
 
-def naive_moments(population: Population) -> tuple[float, float, float]:
+def naive_moments(population: SamplePopulation) -> tuple[float, float, float]:
     """<P>, sigma_P and d32, from the definitions."""
     aggregates = [aggregate for _, aggregate in population]
     sizes = np.array([a.size for a in aggregates], dtype=float)
@@ -21,13 +21,13 @@ def naive_moments(population: Population) -> tuple[float, float, float]:
     return sizes.mean(), sizes.std(), 2.0 * (radii**3).sum() / (radii**2).sum()
 
 
-def moments(population: Population) -> tuple[float, float, float]:
+def moments(population: SamplePopulation) -> tuple[float, float, float]:
     return population.mean_size, population.size_deviation, population.sauter_diameter
 
 
 def test_the_start_has_the_scenes_volume_fraction():
     scene = synthetic.scene(population__initial=200)
-    population = Population.of_primaries(scene)
+    population = SamplePopulation.of_primaries(scene)
     solid = population.primaries * 4 / 3 * np.pi * scene.suspension.radius**3
     assert population.number == population.primaries == 200
     assert solid / population.volume == pytest.approx(scene.suspension.volume_fraction, rel=1e-14)
@@ -38,7 +38,7 @@ def test_the_start_has_the_scenes_volume_fraction():
 @settings(max_examples=40, deadline=None)
 def test_events_and_doublings_conserve_primaries_and_keep_the_moments(seed, number, events):
     scene = synthetic.scene(population__initial=number)
-    population = Population.of_primaries(scene)
+    population = SamplePopulation.of_primaries(scene)
     rng = stream(seed, "test")
     volume, primaries = population.volume, population.primaries
     alive = set(population.serials)
@@ -67,7 +67,7 @@ def test_events_and_doublings_conserve_primaries_and_keep_the_moments(seed, numb
 
 def test_an_aggregate_keeps_its_number_and_place_while_its_primaries_stay_together():
     scene = synthetic.scene(population__initial=3)
-    population = Population.of_primaries(scene)
+    population = SamplePopulation.of_primaries(scene)
     radius = scene.suspension.radius
     dimer = synthetic.chain(2, radius)
     pair, changed = population.replace(0, 1, [dimer], [np.arange(2)])
@@ -82,7 +82,7 @@ def test_an_aggregate_keeps_its_number_and_place_while_its_primaries_stay_togeth
 
 def test_exchanged_primaries_make_new_aggregates():
     scene = synthetic.scene(population__initial=4)
-    population = Population.of_primaries(scene)
+    population = SamplePopulation.of_primaries(scene)
     dimer = synthetic.chain(2, scene.suspension.radius)
     population.replace(0, 1, [dimer], [np.arange(2)])
     population.replace(2, 3, [dimer], [np.arange(2)])
@@ -97,7 +97,7 @@ def test_exchanged_primaries_make_new_aggregates():
     ids=["more", "twice", "fewer", "merged"],
 )
 def test_lost_or_made_primaries_are_an_error(members):
-    population = Population.of_primaries(synthetic.scene(population__initial=3))
+    population = SamplePopulation.of_primaries(synthetic.scene(population__initial=3))
     products = [synthetic.chain(len(m), 5e-7) if len(m) > 1 else Aggregate.monomer() for m in members]
     dimer = synthetic.chain(2, 5e-7)
     population.replace(0, 1, [dimer], [np.arange(2)])
@@ -107,7 +107,7 @@ def test_lost_or_made_primaries_are_an_error(members):
 
 def test_doubling_keeps_concentration_and_distribution():
     scene = synthetic.scene(population__initial=10)
-    population = Population.of_primaries(scene)
+    population = SamplePopulation.of_primaries(scene)
     population.replace(0, 1, [synthetic.chain(2, scene.suspension.radius)], [np.arange(2)])
     before, concentration = moments(population), population.number / population.volume
     population.double()

@@ -15,7 +15,7 @@ import pytest
 import synthetic
 import xarray as xr
 
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.encounter.simulate import OUTCOMES
 from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo.process import run
@@ -282,7 +282,7 @@ def test_a_file_damaged_anywhere_is_refused_by_every_reader(dataset, tmp_path):
         broken = bytearray(whole)
         broken[place] ^= 1 << int(rng.integers(8))
         damaged.write_bytes(broken)
-        for read in (Run, MonteCarlo.read, lambda path: differences(path, dataset)):
+        for read in (RunDataset, MonteCarlo.read, lambda path: differences(path, dataset)):
             with pytest.raises((DataFileError, PBEError)) as caught:
                 read(damaged)
             assert str(caught.value).startswith(f"{damaged}: ") and "\n" not in str(caught.value)
@@ -295,13 +295,13 @@ def test_a_dataset_of_before_checksums_is_read_and_its_damage_told(tmp_path):
     """Blocks of noise: one line that names the file, or what it held."""
     old = Path(__file__).parents[2] / "notebooks/data/small-1000Pa.nc"
     whole = old.read_bytes()
-    events = Run(old).events["time"].values
+    events = RunDataset(old).events["time"].values
     damaged = tmp_path / "damaged.nc"
     rng, refused = np.random.default_rng(4), 0
     for place in [0, 100, *rng.integers(0, len(whole) - 512, 25)]:
         damaged.write_bytes(whole[:place] + rng.bytes(512) + whole[place + 512 :])
         try:
-            assert len(Run(damaged).events["time"]) == len(events)
+            assert len(RunDataset(damaged).events["time"]) == len(events)
         except UserError as problem:
             assert damaged.name in str(problem) and "\n" not in str(problem)
             refused += 1

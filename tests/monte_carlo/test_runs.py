@@ -7,14 +7,14 @@ from small_runs import small_runs
 
 from mcdem.aggregates.morphology import morphology
 from mcdem.analysis.breakup import in_convention
-from mcdem.analysis.dataset import Run, by_stress, pooled_breakups
+from mcdem.analysis.dataset import RunDataset, by_stress, pooled_breakups
 from mcdem.analysis.statistics import size_moments
 from mcdem.errors import DataFileError, UserError
 
 
 @pytest.fixture(scope="module")
 def run():
-    return Run(small_runs()[1])
+    return RunDataset(small_runs()[1])
 
 
 def test_series_end_where_the_last_snapshot_is(run):
@@ -59,8 +59,8 @@ def test_breakups_are_those_of_a_slow_recount(run):
 
 
 def test_replicas_are_pooled(run):
-    other = Run(run.path)
-    groups = by_stress([run, other, Run(small_runs()[0])])
+    other = RunDataset(run.path)
+    groups = by_stress([run, other, RunDataset(small_runs()[0])])
     assert [len(g) for g in groups.values()] == [1, 2]
     alone, twice = (pooled_breakups(g, "strict") for g in ([run], [run, other]))
     assert twice["breakups"] == 2 * alone["breakups"]
@@ -75,21 +75,21 @@ def test_replicas_are_pooled(run):
     ],
 )
 def test_runs_that_are_no_replicas_are_not_pooled(run, key, value, named):
-    other = Run(run.path)
+    other = RunDataset(run.path)
     other.scene = run.scene.with_changes({key: value})
     with pytest.raises(UserError, match=rf"\[{named}\] of their scenes differs"):
         by_stress([run, other])
 
 
 def test_replicas_may_differ_in_seed_and_sample(run):
-    other = Run(run.path)
+    other = RunDataset(run.path)
     other.scene = run.scene.with_changes({"run.seed": 7, "population.initial": 90})
     assert len(by_stress([run, other])) == 1
 
 
 def test_other_files_are_refused(tmp_path):
     with pytest.raises(DataFileError, match="no such file"):
-        Run(tmp_path / "absent.nc")
+        RunDataset(tmp_path / "absent.nc")
     xr.Dataset({"x": ("t", [1.0])}).to_netcdf(tmp_path / "other.nc")
     with pytest.raises(DataFileError, match="another kind"):
-        Run(tmp_path / "other.nc")
+        RunDataset(tmp_path / "other.nc")

@@ -21,7 +21,7 @@ import pytest
 import synthetic
 import xarray as xr
 
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.errors import UserError
 from mcdem.monte_carlo import process as simulate
 from mcdem.monte_carlo.process import Process
@@ -354,7 +354,7 @@ def test_a_run_needs_an_end_and_a_seed_in_range(tmp_path):
 def test_without_restructuring_aggregates_go_on_as_they_came(tmp_path, restructuring):
     scene = synthetic.scene(**synthetic.SMALL, population__restructuring=restructuring)
     simulate.run(scene, tmp_path / "run.nc", events=400, encounter=synthetic.aggregation_and_breakup)
-    run = Run(tmp_path / "run.nc")
+    run = RunDataset(tmp_path / "run.nc")
     first = np.cumsum(run.events["number_of_products"].values) - run.events["number_of_products"].values
     same = np.flatnonzero(np.isin(run.outcome, ("missed", "parted")))
     out = np.stack([run.events["product_outer_radius"].values[first[same] + k] for k in (0, 1)], axis=1)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mcdem
-from mcdem.analysis.dataset import Run
+from mcdem.analysis.dataset import RunDataset
 from mcdem.monte_carlo.process import run
 
 SCENES = Path("scenes")
@@ -22,7 +22,7 @@ def test_free_draining_differs_from_the_paper_in_its_level_alone_and_runs(tmp_pa
     )
     assert scene == bare
     run(scene, tmp_path / "run.nc", events=4, workers=1)
-    assert (Run(tmp_path / "run.nc").outcome != "unresolved").all()
+    assert (RunDataset(tmp_path / "run.nc").outcome != "unresolved").all()
 
 
 @pytest.mark.slow
@@ -33,7 +33,7 @@ def test_the_double_layer_keeps_pairs_apart_that_attract_each_other_without_it(t
     found = [mcdem.simulate_encounter(s, MONOMER, MONOMER, offset=offset) for s in (scene, without)]
     assert [one.outcome for one in found] == ["missed", "aggregation"]
     run(scene, tmp_path / "run.nc", events=3, workers=1)
-    assert (Run(tmp_path / "run.nc").outcome == "missed").all()
+    assert (RunDataset(tmp_path / "run.nc").outcome == "missed").all()
 
 
 def pull_of_an_aligned_doublet(scene):
@@ -64,7 +64,7 @@ def test_uniaxial_extension_differs_from_the_paper_in_its_flow_alone_and_runs(tm
     assert result.largest_tension == pytest.approx(pull_of_an_aligned_doublet(scene), rel=0.02)
     assert result.largest_tension < 12.24 / 6.0 * scene.reduced.force
     run(scene, tmp_path / "run.nc", events=6, workers=1)
-    assert (Run(tmp_path / "run.nc").outcome != "unresolved").all()
+    assert (RunDataset(tmp_path / "run.nc").outcome != "unresolved").all()
 
 
 @pytest.mark.slow
@@ -85,4 +85,4 @@ def test_contacts_that_bear_moments_keep_a_bent_chain_bent(tmp_path):
         longest.append(len(chain.bonds))
     assert longest[0] == 4 < longest[1]
     run(scene, tmp_path / "run.nc", events=6, workers=1)
-    assert (Run(tmp_path / "run.nc").outcome != "unresolved").all()
+    assert (RunDataset(tmp_path / "run.nc").outcome != "unresolved").all()

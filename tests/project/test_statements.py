@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mcdem.analysis.dataset import Run, by_stress
+from mcdem.analysis.dataset import RunDataset, by_stress
 from mcdem.analysis.paper_comparison import JUDGED_CONVENTION, JUDGED_REGRESSION, breakup_exponents, compare
 from pbekit.tables.kernel_table import SOURCES, KernelTable
 
@@ -18,7 +18,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 @pytest.fixture(scope="module")
 def runs():
     return {
-        path.name: Run(path)
+        path.name: RunDataset(path)
         for path in sorted(DATA.glob("*.nc"))
         if path.name.startswith(("run-", "growth-"))
     }

@@ -22,9 +22,9 @@ def parts(context: Context):
 
 def measure(context: Context, path):
     from mcdem.analysis.breakup import CONVENTIONS, in_convention
-    from mcdem.analysis.dataset import Run
+    from mcdem.analysis.dataset import RunDataset
 
-    run, rng = Run(path), context.rng(0)
+    run, rng = RunDataset(path), context.rng(0)
     broken = run.breakups
     whole = broken["parent_size"].values >= SMALLEST
     convention = {name: whole & in_convention(broken, name) for name in CONVENTIONS}

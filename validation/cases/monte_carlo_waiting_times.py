@@ -20,12 +20,12 @@ def parts(context: Context):
 def measure(context: Context, way: str):
     import mcdem
     from mcdem.monte_carlo.event_selection import event_selection
-    from mcdem.monte_carlo.population import Population
+    from mcdem.monte_carlo.population import SamplePopulation
     from validation.exact.encounters import compact
 
     scene = mcdem.load_scene("scenes/paper-1000Pa.toml").with_changes({"numerics.event_selection": way})
     radius = scene.suspension.radius
-    population = Population(radius, 1e-12)
+    population = SamplePopulation(radius, 1e-12)
     for size in SIZES:
         population.add(compact(size, radius))
     selection = event_selection(scene, population, context.seed)

@@ -43,9 +43,9 @@ EXPLAINED = {
 
 def groups(context: Context):
     """Labels and files of replicas: the runs of one stress belong together."""
-    from mcdem.analysis.dataset import Run, by_stress
+    from mcdem.analysis.dataset import RunDataset, by_stress
 
-    named = by_stress(Run(path) for path in datasets.runs(context))
+    named = by_stress(RunDataset(path) for path in datasets.runs(context))
     return {f"{stress:g} Pa": [str(run.path) for run in runs] for stress, runs in named.items()}
 
 
@@ -64,10 +64,10 @@ def parts(context: Context):
 
 
 def measure(context: Context, paths):
-    from mcdem.analysis.dataset import Run, by_stress
+    from mcdem.analysis.dataset import RunDataset, by_stress
     from mcdem.analysis.paper_comparison import breakup_exponents, compare
 
-    runs = [Run(path) for path in paths]
+    runs = [RunDataset(path) for path in paths]
     together = by_stress(runs)
     rows = compare(runs) if len(together) == 1 else breakup_exponents(together)
     unsteady = [f"{run.path.name}: {run.steady.reason}" for run in runs if not run.steady.reached]

@@ -27,7 +27,7 @@ def measure(context: Context):
     from mcdem.effects import van_der_waals as attraction
     from mcdem.encounter.capture_efficiency import attraction_number, initial_growth, van_de_ven_mason
     from mcdem.monte_carlo.event_selection import encounter_rate
-    from mcdem.monte_carlo.population import Population
+    from mcdem.monte_carlo.population import SamplePopulation
 
     found = {}
     for stress in STRESSES:
@@ -50,7 +50,7 @@ def measure(context: Context):
     wavenumber = van_der_waals.wavenumber
     crossing = attraction.BRANCH_POINT / wavenumber
     # Of the sample as the Monte Carlo starts it.
-    population = Population.of_primaries(scene)
+    population = SamplePopulation.of_primaries(scene)
     number = population.number
     pairs = 0.5 * number * (number - 1)
     frequency = pairs * encounter_rate(scene.flow.shear_rate, population.volume) * (2 * a) ** 3

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from mcdem.aggregates.aggregate import Aggregate
     from mcdem.encounter.simulate import EncounterResult
-    from mcdem.monte_carlo.process import Summary
+    from mcdem.monte_carlo.process import RunSummary
     from mcdem.scene import Scene
     from validation.hard_cases.case import Course, Suspension
 
@@ -268,7 +268,7 @@ def all_conserved(coarse: Sequence[EncounterResult], fine: Sequence[EncounterRes
 # Of runs
 
 
-def of_a_run(path: Path, summary: Summary, case: Suspension) -> dict[str, Margin]:
+def of_a_run(path: Path, summary: RunSummary, case: Suspension) -> dict[str, Margin]:
     """What a run's dataset must say, and its steps."""
     with xr.open_datatree(path) as tree:
         series, events = tree.dataset.load(), tree["events"].dataset.load()

@@ -18,7 +18,7 @@ from mcdem.monte_carlo.event_selection.inverse_transform import InverseTransform
 from mcdem.monte_carlo.event_selection.majorant_rejection import MajorantRejection
 
 if TYPE_CHECKING:
-    from mcdem.monte_carlo.population import Population
+    from mcdem.monte_carlo.population import SamplePopulation
     from mcdem.scene import Scene
 
 __all__ = ["EventSelection", "Meeting", "Meetings", "event_selection"]
@@ -27,7 +27,7 @@ WAYS: dict[str, Any] = {"majorant_rejection": MajorantRejection, "inverse_transf
 
 
 def event_selection(
-    scene: Scene, population: Population, seed: int, state: dict[str, Any] | None = None
+    scene: Scene, population: SamplePopulation, seed: int, state: dict[str, Any] | None = None
 ) -> EventSelection:
     """The way that the scene's `numerics.event_selection` names, at the start or from a state."""
     chosen: EventSelection = WAYS[scene.numerics.event_selection](

@@ -14,7 +14,7 @@ from mcdem.monte_carlo.event_selection.contract import Meeting, Meetings, encoun
 from mcdem.quantities.random_streams import stream
 
 if TYPE_CHECKING:
-    from mcdem.monte_carlo.population import Population
+    from mcdem.monte_carlo.population import SamplePopulation
 
 
 class InverseTransform:
@@ -22,7 +22,7 @@ class InverseTransform:
 
     def __init__(
         self,
-        population: Population,
+        population: SamplePopulation,
         shear_rate: float,
         seed: int,
         state: dict[str, Any] | None = None,

@@ -29,7 +29,7 @@ from mcdem.quantities.random_streams import stream
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mcdem.monte_carlo.population import Population
+    from mcdem.monte_carlo.population import SamplePopulation
 
 CLASSES_PER_DOUBLING = 3
 """Of R: within a class (R_i + R_j)^3 then varies by 2 at most."""
@@ -93,7 +93,7 @@ class MajorantRejection:
 
     def __init__(
         self,
-        population: Population,
+        population: SamplePopulation,
         shear_rate: float,
         seed: int,
         state: dict[str, Any] | None = None,

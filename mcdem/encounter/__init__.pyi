@@ -1,0 +1,16 @@
+from .capture_efficiency import PairEfficiency as PairEfficiency
+from .capture_efficiency import attraction_number as attraction_number
+from .capture_efficiency import critical_offset as critical_offset
+from .capture_efficiency import initial_growth as initial_growth
+from .capture_efficiency import pair_efficiency as pair_efficiency
+from .capture_efficiency import van_de_ven_mason as van_de_ven_mason
+from .simulate import OUTCOMES as OUTCOMES
+from .simulate import PAPER_BREAKUP as PAPER_BREAKUP
+from .simulate import STRICT_BREAKUP as STRICT_BREAKUP
+from .simulate import EncounterResult as EncounterResult
+from .simulate import Recorder as Recorder
+from .simulate import simulate_encounter as simulate_encounter
+from .static_strength import worst_loads as worst_loads
+from .trajectory import Trajectory as Trajectory
+from .trajectory import export as export
+from .trajectory import read as read

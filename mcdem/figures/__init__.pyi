@@ -1,0 +1,12 @@
+from .album import draw_all as draw_all
+from .album import figures_of as figures_of
+from .album import plot_run as plot_run
+from .encounter import snapshots as snapshots
+from .figure import Figure as Figure
+from .film import film as film
+from .forces import pair_force as pair_force
+from .report import report as report
+from .report import warnings as warnings
+from .style import look as look
+from .view import encounter_page as encounter_page
+from .view import population_page as population_page

@@ -1,0 +1,2 @@
+from .comparison import differences as differences
+from .comparison import identical as identical
