@@ -16,7 +16,7 @@ class OpenedRun(RunDataset):
 
     Attributes
     ----------
-    series : xarray.Dataset over ``row``: time [s], mean_size <P>, size_deviation, sauter_diameter [m], number_of_aggregates, volume
+    series : xarray.Dataset over ``row``: time [s], mean_size <P>, size_deviation, sauter_diameter [m] and more
     events : xarray.Dataset over ``event``: every encounter; `outcome` has their outcomes in words
     snapshots : xarray.Dataset of the aggregates' geometry at `snapshot_times` [s]
     scene : Scene it was made of
@@ -33,9 +33,7 @@ class OpenedRun(RunDataset):
 
     def __repr__(self) -> str:
         state = f"steady from {self.steady.start:.3g} s" if self.steady.reached else "not steady"
-        return (
-            f"<OpenedRun {self.path}: {self.label}, {len(self.outcome)} encounters to {self.time[-1]:.4g} s, {state}>"
-        )
+        return f"<OpenedRun {self.path}: {self.label}, {len(self.outcome)} encounters to {self.time[-1]:.4g} s, {state}>"
 
 
 def open_run(path: Path | str) -> OpenedRun:

@@ -219,8 +219,8 @@ class Scene(Table):
             for key in effect.below_radius:
                 if getattr(effect, key) >= smallest:
                     raise ValueError(
-                        f"[effects.{name}] {key} = {getattr(effect, key):g} m; expected a length below the radius of the primaries, "
-                        f"{smallest:g} m"
+                        f"[effects.{name}] {key} = {getattr(effect, key):g} m; expected a length below the radius of "
+                        f"the primaries, {smallest:g} m"
                     )
         try:
             self.effects.kernels(self.reduced, self.suspension)

@@ -104,6 +104,7 @@ def compare(saved: dict[str, Any], found: dict[str, Any], same_machine: bool) ->
 
 
 def main() -> int:
+    """Run, compare or save; the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("cases", nargs="*", choices=[*CASES, []], help="all by default")
     parser.add_argument("--save", action="store_true", help="keep what the runs give now")

@@ -1,4 +1,4 @@
-"""What datasets say: statistics, breakup, the paper's numbers beside ours, accuracy against cost, sensitivity, dimensionless groups."""
+"""What datasets say: statistics, breakup, the paper's numbers beside ours, accuracy against cost, sensitivity, groups."""
 
 import lazy_loader as lazy
 

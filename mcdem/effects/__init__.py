@@ -15,14 +15,24 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 from pydantic import create_model, model_validator
 
 from mcdem.effects.attraction import Attraction
-from mcdem.effects.kinds import ContactLaw, Effect, EffectTable, PairForce, Resistance
-from mcdem.effects.sums import know
+from mcdem.effects.kinds import Companions, ContactLaw, Effect, EffectTable, PairForce, Resistance
+from mcdem.effects.sums import know, non_contact_force
 from mcdem.errors import UserError
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
 from mcdem.quantities.toml_tables import Table
 
-__all__ = ["EFFECTS", "ContactLaw", "Effect", "EffectTable", "Effects", "Kernels", "PairForce", "Resistance"]
+__all__ = [
+    "EFFECTS",
+    "Companions",
+    "ContactLaw",
+    "Effect",
+    "EffectTable",
+    "Effects",
+    "Kernels",
+    "PairForce",
+    "Resistance",
+]
 
 MENU = (
     "van_der_waals",

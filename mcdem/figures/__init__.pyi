@@ -1,10 +1,14 @@
 from .album import draw_all as draw_all
 from .album import figures_of as figures_of
 from .album import plot_run as plot_run
+from .breakup import critical_size as critical_size
+from .clusters import cluster_pictures as cluster_pictures
 from .encounter import snapshots as snapshots
 from .figure import Figure as Figure
 from .film import film as film
 from .forces import pair_force as pair_force
+from .growth import mean_size as mean_size
+from .growth import sauter_diameter as sauter_diameter
 from .report import report as report
 from .report import warnings as warnings
 from .style import look as look

@@ -27,7 +27,7 @@ from mcdem.netcdf.whole_files import FILES
 OF_ALL_RUNS = (
     growth.mean_size,
     growth.sauter_diameter,
-    clusters.clusters,
+    clusters.cluster_pictures,
     clusters.table_2,
     breakup.critical_size,
 )

@@ -80,7 +80,7 @@ def chosen_shapes(run: RunDataset, count: int = 3) -> list[int]:
     return chosen
 
 
-def clusters(runs: Sequence[RunDataset]) -> Figure:
+def cluster_pictures(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 10: three aggregates of rising size from each stress, in their outer sphere and ellipsoid."""
     firsts = [group[0] for group in by_stress(runs).values()]
     numbers = _collected([(run, k) for run in firsts for k in chosen_shapes(run)])

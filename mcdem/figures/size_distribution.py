@@ -15,7 +15,9 @@ from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.style import BLACK, BLUE, GREY, VERMILION, canvas, legend
 
 
-def late_shares(runs: Sequence[RunDataset], values_of: str, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+def late_shares(
+    runs: Sequence[RunDataset], values_of: str, edges: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, int]:
     """Share of aggregates per bin over the snapshots of the steady stretches, with its scatter over snapshots.
 
     The scatter is between whole populations at different times, not between aggregates: it holds for correlated ones.

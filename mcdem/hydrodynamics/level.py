@@ -26,7 +26,7 @@ class Level:
     strain_load : compiled, (parameters, work, strain (5,)); what it exerts, into `work.strain_load`, after `resistance`
     two_body : compiled, (parameters, work, radii, strain (3, 3)) adds the two-body part to both
     stresslets : compiled, (parameters, work, radii, rates (6N,), strain (5,), out (N, 5)); those exerted on the fluid
-    two_body_of_strains : compiled, (parameters, work, radii, strains (5, 5), strain_loads (5, 6N)), as `two_body` for five at once
+    two_body_of_strains : compiled, (parameters, work, radii, strains (5, 5), strain_loads (5, 6N)), `two_body` of five at once
     squeeze : gap over a -> resistance over 6 pi mu a to changing the gap of two spheres that are this near, for estimates
     coupled : whether spheres feel each other;  stresslet_couplings : whether through their stresslets too, so that a far field is
         worth keeping and rigid aggregates may approach as bodies with a stresslet;  lubrication : whether pairs have it
@@ -142,7 +142,7 @@ def _(level, work, radii, strains, strain_loads):
 
 @njit(cache=True)
 def two_body_of_strains(level, work, radii, strains, strain_loads):
-    """Add the two-body part of every pair to the resistance and to what each of the strains (5, 5) exerts, strain_loads (5, 6N)."""
+    """Add the two-body part of every pair to the resistance and to the strain_loads (5, 6N) of five strains (5, 5)."""
     _two_body_of_strains(level, work, radii, strains, strain_loads)
 
 

@@ -50,7 +50,7 @@ def two_body(level, work, radii, strain):
 
 @njit(cache=True)
 def two_body_of_strains(level, work, radii, strains, strain_loads):
-    """Add the two-body part of every pair to the resistance and to what each of the strains (5, 5) exerts, strain_loads (5, 6N)."""
+    """Add the two-body part of every pair to the resistance and to the strain_loads (5, 6N) of five strains (5, 5)."""
     tensor = np.empty((3, 3))
     n = radii.shape[0]
     for i in range(n):

@@ -11,7 +11,7 @@ import threadpoolctl
 
 @cache
 def machine() -> str:
-    """Processor for which code is compiled, kernel of the linear algebra, and versions: where these agree, runs agree bit by bit."""
+    """Processor for which code is compiled, kernel of the linear algebra, and versions: where these agree, runs do bit by bit."""
     import scipy.linalg  # noqa: F401  loads the linear algebra that compiled code calls
 
     kernels = sorted(

@@ -97,7 +97,9 @@ def test_pair_force_has_the_papers_scales():
 
 def test_initial_slope_is_that_of_equation_22():
     """4/pi x 0.078 x 1e-4 x 1e4 1/s at 750 Pa."""
-    numbers = next(f.numbers for f in figures_of([RunDataset(small_runs()[0])]) if f.name.startswith("fig06a"))
+    numbers = next(
+        f.numbers for f in figures_of([RunDataset(small_runs()[0])]) if f.name.startswith("fig06a")
+    )
     np.testing.assert_allclose(numbers["initial_slope"], 0.0993, rtol=1e-3)
     # Ours, by `mcdem efficiency`, is a few per cent from the law there.
     np.testing.assert_allclose(numbers["computed_slope"], numbers["initial_slope"], rtol=0.1)

@@ -268,7 +268,7 @@ CASE = Case(
     claim="Every number that the paper's text states of its runs agrees with those of ours.",
     source="Frungieri & Vanni 2021, sections 3.1 to 3.3 and 4, Table 2; runs: those of --run, else notebooks/data; numbers and "
     "limits: mcdem/analysis/paper_comparison.py, as in `mcdem report`",
-    tolerance="one convention is judged for each number, the one nearest to the paper's words (mcdem/analysis/paper_comparison.py); others "
+    tolerance="one convention is judged for each number, the one nearest to the paper's words (`paper_comparison`); others "
     "are sensitivity; the printed value with half a unit of its last digit, or its range, must meet our 95 % limits; steady "
     "numbers only from runs that are steady by the stated test",
     measure=measure,
@@ -278,5 +278,5 @@ CASE = Case(
     seen=("clock_slow",),
     expected=Verdict.differs,
     because="open: the steady population is smaller and narrower, with few primaries, growth still accelerates at 1000 Pa, and "
-    "what breaks depends less on stress; every other difference is that of a convention, told by the row of sensitivity beside it",
+    "what breaks depends less on stress; every other difference is that of a convention, told by the row beside it",
 )
