@@ -278,5 +278,6 @@ CASE = Case(
     seen=("clock_slow",),
     expected=Verdict.differs,
     because="open: the steady population is smaller and narrower, with few primaries, growth still accelerates at 1000 Pa, and "
-    "what breaks depends less on stress; every other difference is that of a convention, told by the row of sensitivity beside it",
+    "what breaks depends less on stress; every other difference is that of a convention, told by the row of sensitivity beside "
+    "it",
 )
