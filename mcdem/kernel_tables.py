@@ -18,7 +18,7 @@ import sys
 import time as clock
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +38,8 @@ from pbekit import endings
 from pbekit.errors import PBEError
 from pbekit.estimated_rates.closures import Closure, grid_for
 from pbekit.outputs import TABLE
-from pbekit.solution.steady import steady_state
+from pbekit.solution.steady import NotReachedError, steady_state
+from pbekit.study.evidence import Evidence, counted, judged
 from pbekit.study.uncertainty import VarianceShares, mean_size_gradient, variance_shares
 from pbekit.tables.kernel_table import OUTCOMES, SHAPES, SOURCES, KernelTable, Records
 
@@ -194,17 +195,40 @@ class Plan:
     pairs: NDArray[np.intp]
     mean_size: float | None = None
     error: float | None = None
-    """Relative standard error of the steady <P>; None where no steady state could be found yet."""
+    """Relative standard error of the steady <P>; None, as the size, where encounters that were seen bear none yet."""
+    refusal: str = ""
+    """Why there is no steady state, and what would give one."""
 
 
 def steady_shares(table: KernelTable, volume_fraction: float) -> tuple[float, VarianceShares]:
-    """Steady <P> of the balance on the table, and where its variance comes from."""
+    """Steady <P> of the balance on the table, and where its variance comes from.
+
+    Raises `PBEError` where encounters that were seen bear no steady state, with what is missing.
+    """
+    value, shares, evidence = _shares(table, volume_fraction)
+    if value is None or shares is None or not evidence.holds:
+        raise PBEError(evidence.refusal(table))
+    return value, shares
+
+
+def _shares(
+    table: KernelTable, volume_fraction: float
+) -> tuple[float | None, VarianceShares | None, Evidence]:
+    """Steady <P> and variance shares, None where sizes only grow; and whether encounters that were seen bear them."""
     closure = Closure(table, grid_for(table))
+    evidence = counted(closure)
+    if evidence.breakups == 0:
+        return None, None, evidence
     number = volume_fraction / (4 / 3 * np.pi * table.radius**3)
-    start = closure.grid.monodisperse(number)
-    steady = steady_state(closure.mean, start)
+    try:
+        steady = steady_state(closure.mean, closure.grid.monodisperse(number))
+    except NotReachedError:
+        return None, None, replace(evidence, moved=np.inf)
     gradient = mean_size_gradient(closure.mean, steady.population)
-    return number / float(steady.population.sum()), variance_shares(closure, steady, gradient)
+    shares = variance_shares(closure, steady, gradient)
+    if evidence.holds:
+        evidence = judged(closure, steady)
+    return number / float(steady.population.sum()), shares, evidence
 
 
 def plan(
@@ -218,22 +242,29 @@ def plan(
     possible = library.has(a, b)
     rng = stream(seed, "kernel design", done)
     mean_size = error = None
+    trials = table.counts.sum(axis=1)
+    # Where too little is known: the fewer the trials of a pair, the more likely it is.
+    weight = possible / (1.0 + trials)
     try:
-        mean_size, shares = steady_shares(table, volume_fraction)
-        error = shares.deviation / mean_size
-        trials = np.bincount(table.pair, minlength=table.pairs)
+        value, shares, evidence = _shares(table, volume_fraction)
+    except PBEError as problem:
+        shares, refusal = None, f"no steady state: {problem}"
+    else:
+        refusal = "" if evidence.holds else evidence.refusal(table)
+        if shares is not None and value is not None and not refusal:
+            mean_size, error = value, shares.deviation / value
+    if shares is not None:
         spent = np.bincount(table.pair, table.records.work, table.pairs)
         cost = np.divide(spent, trials, out=np.zeros(table.pairs), where=trials > 0)
         wanted = np.where(possible, shares.next_trials(8 * ROUND, cost), 0)
-        weight = wanted / wanted.sum() if wanted.sum() > 0 else possible / possible.sum()
-    except PBEError:
-        # Too little is known: the fewer the trials of a pair, the more likely it is.
-        trials = table.counts.sum(axis=1)
-        weight = possible / (1.0 + trials)
-        weight = weight / weight.sum()
+        # A steady state that nothing bears says little of where to look: then half of the encounters go where few were.
+        even = 0.5 if refusal else 0.0
+        if wanted.sum() > 0:
+            weight = even * weight / weight.sum() + (1.0 - even) * wanted / wanted.sum()
+    weight = weight / weight.sum()
     pairs = rng.choice(table.pairs, ROUND, p=weight)
     pairs[: max(0, primaries - int(table.counts[0].sum()))] = 0
-    return Plan(pairs, mean_size, error)
+    return Plan(pairs, mean_size, error, refusal)
 
 
 # -- the process -------------------------------------------------------------------------------------------------------
@@ -262,6 +293,8 @@ class TableSummary:
     error: float | None
     ended_by: str
     """"encounters", "error" or "interruption"."""
+    refusal: str = ""
+    """Why there is no steady <P>, and what would give one; empty where there is one."""
 
 
 def tabulate(
@@ -394,11 +427,13 @@ def tabulate(
             for future in futures:
                 future.cancel()
         save()
-    return TableSummary(path, len(reused), done, known.mean_size, known.error, ended_by)
+    return TableSummary(path, len(reused), done, known.mean_size, known.error, ended_by, known.refusal)
 
 
 def refuse_unwritable(path: Path, *, resume: bool, overwrite: bool) -> None:
-    """Raise `DataFileError` where no table may be written."""
+    """Raise `UserError` where no table may be written."""
+    if path.suffix != ".nc":
+        raise UserError(f"{path}: expected a name that ends in .nc, the table that is written is NetCDF")
     if path.is_file() and not (resume or overwrite):
         raise DataFileError(
             f"{path}: exists already; extend it with --resume, or replace it with --overwrite"

@@ -27,14 +27,23 @@ if TYPE_CHECKING:
     from pbekit.solution.solve import solve as solve
     from pbekit.solution.steady import SteadyState as SteadyState
     from pbekit.solution.steady import steady_state as steady_state
+    from pbekit.study.compare import Comparison as Comparison
+    from pbekit.study.compare import compare as compare_table
+    from pbekit.study.over_stresses import efficiencies as efficiencies
+    from pbekit.study.over_stresses import stress_law as stress_law
+    from pbekit.study.solve_table import open_table as open_table
+    from pbekit.study.solve_table import solve_table as solve_table
+    from pbekit.tables.kernel_table import KernelTable as KernelTable
 
 _HOME = {
     "Aggregation": "pbekit.balance.encounters",
     "Breakage": "pbekit.balance.encounters",
     "Cells": "pbekit.balance.grid",
     "CollisionalBreakup": "pbekit.balance.encounters",
+    "Comparison": "pbekit.study.compare",
     "Grid": "pbekit.balance.grid",
     "KernelError": "pbekit.errors",
+    "KernelTable": "pbekit.tables.kernel_table",
     "PBEError": "pbekit.errors",
     "PopulationBalance": "pbekit.balance.population_balance",
     "RangeWarning": "pbekit.errors",
@@ -42,18 +51,27 @@ _HOME = {
     "ShapeMemory": "pbekit.balance.encounters",
     "SteadyState": "pbekit.solution.steady",
     "TwoComponentGrid": "pbekit.balance.grid",
+    "compare_table": "pbekit.study.compare",
+    "efficiencies": "pbekit.study.over_stresses",
     "integrate": "pbekit.solution.solve",
+    "open_table": "pbekit.study.solve_table",
     "solve": "pbekit.solution.solve",
+    "solve_table": "pbekit.study.solve_table",
     "steady_state": "pbekit.solution.steady",
+    "stress_law": "pbekit.study.over_stresses",
 }
+_OTHERWISE = {"compare_table": "compare"}
+"""What a name is called at home, where it is called otherwise."""
 
 __all__ = [
     "Aggregation",
     "Breakage",
     "Cells",
     "CollisionalBreakup",
+    "Comparison",
     "Grid",
     "KernelError",
+    "KernelTable",
     "PBEError",
     "PopulationBalance",
     "RangeWarning",
@@ -61,14 +79,19 @@ __all__ = [
     "ShapeMemory",
     "SteadyState",
     "TwoComponentGrid",
+    "compare_table",
+    "efficiencies",
     "integrate",
+    "open_table",
     "solve",
+    "solve_table",
     "steady_state",
+    "stress_law",
 ]
 
 
 class _Package(ModuleType):
-    """Keeps `pbekit.solution.solve` the function, though a file is called so too and Python would put it there when it is loaded."""
+    """Keeps `pbekit.solution.solve` and others functions, though files are called so too and Python would put them there when loaded."""
 
     def __setattr__(self, name: str, value: object) -> None:
         if not (name in _HOME and isinstance(value, ModuleType)):
@@ -82,7 +105,7 @@ if not TYPE_CHECKING:  # or a type checker would take every unknown name for an 
     def __getattr__(name: str) -> object:
         if name not in _HOME:
             raise AttributeError(f"module 'pbekit' has no attribute {name!r}")
-        return getattr(import_module(_HOME[name]), name)
+        return getattr(import_module(_HOME[name]), _OTHERWISE.get(name, name))
 
 
 def __dir__() -> list[str]:

@@ -15,6 +15,11 @@ SCHEMES = ("fixed pivot", "cell average")
 MOST_EXACT = 5000
 """Sizes with a class of their own: tables of pairs of classes hold its square."""
 LARGEST_SEED = 2**63 - 1
+MOST_DRAWS = 10**6
+LEVEL = 0.9
+"""Share of repetitions in which a band or interval holds the truth, unless said otherwise."""
+LONGEST_TIME = 1e12
+"""[s] thirty thousand years; what has not come to rest by then is followed no further."""
 DENSEST = 0.74
 """Volume fraction of the densest packing of equal spheres."""
 DILUTE = 0.05
@@ -49,6 +54,30 @@ def law(of: object, positive: tuple[str, ...] = (), finite: tuple[str, ...] = ()
 def volume_fraction(given: object) -> float:
     """A volume fraction above 0, below that of a packing; raises `PBEError`."""
     return number("volume fraction", given, 1e-15, DENSEST, "a share of the volume")
+
+
+def until(name: str, given: object) -> float:
+    """A time [s] to stop at; `name` as it is to be shown ("until =", "--until"); raises `PBEError`."""
+    if not isinstance(given, Real) or isinstance(given, bool) or not 0.0 < float(given) <= LONGEST_TIME:
+        told = f"{float(given):g}" if isinstance(given, Real) else shown(given)
+        raise PBEError(f"{name} {told}: expected a time above 0 and up to {LONGEST_TIME:g}, in seconds")
+    return float(given)
+
+
+def least_draws(level: float = LEVEL) -> int:
+    """Draws from which a band can be read: that of the smallest to the largest then holds the next draw so often."""
+    return int(np.ceil(2 / (1 - level) - 1e-9)) - 1
+
+
+def draws(name: str, given: object, none: bool = False) -> int:
+    """A number of draws that a band can be read from, or 0 where there may be `none`; `name` as in `until`."""
+    good = isinstance(given, Integral) and not isinstance(given, bool) and int(given) <= MOST_DRAWS
+    if not good or not (int(given) >= least_draws() or (none and int(given) == 0)):  # type: ignore[call-overload]
+        raise PBEError(
+            f"{name} {shown(given)}: expected {'0 (no bands) or ' if none else ''}{least_draws()} to {MOST_DRAWS}; "
+            f"{least_draws()} are the fewest that a {100 * LEVEL:g} % band can be read from"
+        )
+    return int(given)  # type: ignore[call-overload]
 
 
 def array(

@@ -7,10 +7,10 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
-from matplotlib.ticker import NullLocator, ScalarFormatter
+from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
 from pbekit.outputs import FILES
-from pbekit.study.compare import Comparison
+from pbekit.study.compare import Comparison, volume_fractions
 from pbekit.tables.kernel_table import AGGREGATION, SCATTERED, KernelTable
 
 # Okabe & Ito's palette, told apart by colour-blind readers.
@@ -44,6 +44,29 @@ def save(figure, data: xr.Dataset, path: Path) -> Path:
     return path.with_suffix(".png")
 
 
+def draw_comparison(found: Comparison, prefix: Path) -> list[str]:
+    """All figures of one comparison, names beginning with `prefix`; a line for each that is left out."""
+    named = lambda what: prefix.with_name(f"{prefix.name}-{what}")
+    left_out = []
+    draw_table(found.table, named("table"))
+    draw_course(found, named("course"))
+    draw_distribution(found, named("distribution"))
+    if _switch_panels(found):
+        draw_switches(found, named("switches"))
+    else:
+        left_out.append(
+            "figure of switched assumptions left out: no steady state, and no run to compare with"
+        )
+    if "mean_size" not in found.numbers:
+        left_out.append("figure of volume fractions left out: no steady state")
+    elif "volume_fraction" not in found.table.about:
+        left_out.append("figure of volume fractions left out: the table does not say its volume fraction")
+    else:
+        data = volume_fractions(found.table, found.numbers["mean_size"])
+        draw_volume_fractions(data, named("volume-fractions"))
+    return left_out
+
+
 def draw_course(found: Comparison, path: Path) -> Path:
     """<P>, sigma_P and d32 over time, three accounts."""
     course = found.course
@@ -75,12 +98,17 @@ def draw_course(found: Comparison, path: Path) -> Path:
 def draw_distribution(found: Comparison, path: Path) -> Path:
     """Number distribution of the run's last part, three accounts; and at steady state."""
     data, late = found.distribution, found.numbers.get("late_from")
-    panels = ["density"] if late is None else ["late_density", "density"]
+    panels = [
+        key for key in ("late_density", "density") if key in data and (late is not None or key == "density")
+    ]
+    if not panels:
+        panels = ["late_density"]
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, len(panels), figsize=(4.2 * len(panels), 3.6), squeeze=False)
         for ax, key in zip(axes[0], panels, strict=True):
             _distribution(ax, data, key)
-            ax.set_title("steady state" if key == "density" else f"from {late:.3g} s to the run's end")
+            last = "last 40 %" if late is None else f"from {late:.4g} s to the run's end"
+            ax.set_title("steady state" if key == "density" else last)
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(panels))
         return save(figure, data, path)
 
@@ -98,7 +126,20 @@ def _distribution(ax, data: xr.Dataset, key: str) -> None:
     # A run that still changes shows no steady state.
     if "density_monte_carlo" in data and (key == "late_density" or data.attrs["steady_run"]):
         seen = data.density_monte_carlo.values > 0
-        ax.plot(size[seen], data.density_monte_carlo[seen], "o", ms=3, color=BLACK, label=MONTE_CARLO)
+        counted = data.density_monte_carlo.values[seen]
+        error = 1.645 * data.density_monte_carlo_error.values[seen]
+        # A lower end at or below zero reaches below the axis.
+        lengths = _length(np.stack([np.minimum(error, counted - 0.1 * floor), error]))
+        ax.errorbar(
+            size[seen],
+            counted,
+            lengths,
+            fmt="o",
+            ms=3,
+            lw=0.8,
+            color=BLACK,
+            label=f"{MONTE_CARLO}, 90 %",
+        )
     if f"{key}_analytical" in data:
         ax.plot(size, data[f"{key}_analytical"], color=VERMILION, ls="--", label=ANALYTICAL)
     ax.set(
@@ -108,13 +149,18 @@ def _distribution(ax, data: xr.Dataset, key: str) -> None:
     ax.set_xlim(0.9, size[np.flatnonzero(data[key].values > floor)[-1]] * 1.1)
 
 
+def _switch_panels(found: Comparison) -> list[tuple[str, str]]:
+    """The quantities that have anything to show, and their labels."""
+    panels = [("mean_size", r"steady $\langle P\rangle$")]
+    if "end" in found.numbers:
+        panels.insert(0, ("end_mean_size", rf"$\langle P\rangle$ after {found.numbers['end']:.4g} s"))
+        panels.append(("late_distance", "distance of sizes\nfrom the Monte Carlo's"))
+    return [panel for panel in panels if bool(found.switches[panel[0]].notnull().any())]
+
+
 def draw_switches(found: Comparison, path: Path) -> Path:
     """<P> at the run's end and at steady state with one assumption changed in each line, beside the Monte Carlo."""
-    data, numbers = found.switches, found.numbers
-    panels = [("mean_size", r"steady $\langle P\rangle$")]
-    if "end" in numbers:
-        panels.insert(0, ("end_mean_size", rf"$\langle P\rangle$ after {numbers['end']:.3g} s"))
-        panels.append(("late_distance", "distance of sizes from the Monte Carlo's"))
+    data, numbers, panels = found.switches, found.numbers, _switch_panels(found)
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(
             1, len(panels), figsize=(3.0 + 2.7 * len(panels), 3.6), sharey=True, squeeze=False
@@ -135,7 +181,7 @@ def draw_switches(found: Comparison, path: Path) -> Path:
             ax.plot(data[key], y, "o", color=BLUE, ms=4)
             ax.set_yticks(y, data.switch.values)
             ax.set(xlabel=label)
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+        _legend_below(figure, axes[0])
         return save(figure, data, path)
 
 
@@ -167,6 +213,15 @@ def draw_volume_fractions(data: xr.Dataset, path: Path) -> Path:
         return save(figure, data, path)
 
 
+def _legend_below(figure, axes, ncols: int = 2) -> None:
+    """One legend of all panels, each name once, below them."""
+    named: dict[str, object] = {}
+    for ax in np.ravel(axes):
+        for handle, name in zip(*ax.get_legend_handles_labels(), strict=True):
+            named.setdefault(name, handle)
+    figure.legend(list(named.values()), list(named), loc="outside lower center", ncols=ncols)
+
+
 def _ticks_at(ax, values) -> None:
     """Label a logarithmic axis at the values themselves; between close ones its own labels overlap."""
     ax.set_xticks(values, [f"{v:.4g}" for v in values])
@@ -177,14 +232,13 @@ def draw_efficiencies(data: xr.Dataset, path: Path) -> Path:
     """eta_11 as counted, beside van de Ven & Mason's law."""
     with plt.rc_context(STYLE):
         figure, ax = plt.subplots(figsize=(4.2, 3.0))
-        # Jeffreys intervals leave out the ends 0 and 1 themselves.
         errors = np.maximum(np.stack([data.eta_11 - data.eta_11_low, data.eta_11_high - data.eta_11]), 0)
         ax.errorbar(
             data.stress, data.eta_11, yerr=errors, fmt="o", ms=4, color=BLUE, label="counted, 90 % interval"
         )
-        ax.plot(
-            data.stress, data.equation_23, "s--", ms=4, color=VERMILION, label="van de Ven-Mason (Eq. 23)"
-        )
+        if bool(data.equation_23.notnull().any()):
+            law = "van de Ven-Mason (Eq. 23)"
+            ax.plot(data.stress, data.equation_23, "s--", ms=4, color=VERMILION, label=law)
         ax.set(xlabel="shear stress [Pa]", ylabel=r"efficiency of two primaries $\eta_{11}$")
         ax.set_ylim(bottom=0)
         figure.legend(loc="outside lower center", ncols=2)
@@ -196,56 +250,91 @@ GUESSED = 0.05
 
 
 def draw_stress_law(data: xr.Dataset, runs: dict[float, tuple[float, float]], path: Path) -> Path:
-    """Steady <P>, breakup size and d32 against stress; runs: stress [Pa] -> <P> of a Monte Carlo and its error."""
+    """Steady <P>, breakup size and d32 against stress; runs: stress [Pa] -> <P> of a Monte Carlo and its error.
+
+    Stresses whose table bears no steady state have no point.
+    """
     guessed = data.extrapolated.values > GUESSED
     with plt.rc_context(STYLE):
-        figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.8))
-        for ax, key, colour, marker, label, unit, doubtful in (
-            (left, "mean_size", BLUE, "o", r"steady $\langle P\rangle$", 1.0, guessed),
-            (left, "breakup_size", GREEN, "^", "breakup size $P_{br}$", 1.0, data.breakup_beyond.values),
-            (right, "sauter_diameter", BLUE, "o", "steady $d_{32}$", 1e6, guessed),
+        figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 4.4))
+        for ax, key, colour, marker, label, unit in (
+            (left, "mean_size", BLUE, "o", r"steady $\langle P\rangle$", 1.0),
+            (left, "breakup_size", GREEN, "^", "breakup size $P_{br}$", 1.0),
+            (right, "sauter_diameter", BLUE, "o", "steady $d_{32}$", 1e6),
         ):
-            values = unit * data[key].values
-            ends = np.stack([values - unit * data[f"{key}_low"], unit * data[f"{key}_high"] - values])
-            q, low, high = (data.attrs[f"q_{key}{end}"] for end in ("", "_low", "_high"))
-            label += f": q = {q:.2f} ({low:.2f} to {high:.2f})"
-            bars = dict(yerr=np.maximum(ends, 0), color=colour, ms=4)
-            ax.errorbar(data.stress, values, fmt=marker + "-", label=label, **bars)
-            ax.plot(
-                data.stress[doubtful], values[doubtful], marker, color=colour, ms=4, mfc="white", zorder=3
-            )
-            if f"{key}_interpolated" in data:
-                guess = unit * data[f"{key}_interpolated"].values
-                ends = np.stack(
-                    [
-                        guess - unit * data[f"{key}_interpolated_low"],
-                        unit * data[f"{key}_interpolated_high"] - guess,
-                    ]
+            _with_exponent(ax, data, key, unit, dict(color=colour, fmt=marker + "-", label=label))
+            if key != "breakup_size" and np.any(guessed):
+                values = unit * data[key].values[guessed]
+                open_ = "extrapolated by more than 5 %"
+                ax.plot(
+                    data.stress[guessed],
+                    values,
+                    marker,
+                    color=colour,
+                    ms=4,
+                    mfc="white",
+                    zorder=3,
+                    label=open_,
                 )
-                # Beside their stress, so that both bands can be read.
-                beside = 1.012 * data.stress.values
-                ax.errorbar(
-                    beside, guess, yerr=np.maximum(ends, 0), fmt="s", color=ORANGE, mfc="white", ms=4,
-                    label="from the tables at the two stresses beside",
-                )  # fmt: skip
+            if f"{key}_interpolated" in data:
+                _interpolated(ax, data, key, unit)
             if f"{key}_analytical" in data:
-                laws = f"{ANALYTICAL}: q = {data.attrs[f'q_{key}_analytical']:.2f}"
+                laws = ANALYTICAL
+                if f"q_{key}_analytical" in data.attrs:
+                    laws += f": q = {data.attrs[f'q_{key}_analytical']:.2f}"
                 ax.plot(data.stress, unit * data[f"{key}_analytical"], "--", color=VERMILION, label=laws)
         if runs:
             stress = sorted(runs)
             error = [1.645 * runs[s][1] for s in stress]
             left.errorbar(stress, [runs[s][0] for s in stress], yerr=error, fmt="kx", ms=5, label=MONTE_CARLO)
+        if bool(data.mean_size.isnull().any()):
+            for ax in (left, right):
+                ax.plot([], [], " ", label="no point: no steady state at this stress")
         for ax, label in ((left, "primaries"), (right, "Sauter diameter [µm]")):
             ax.set(xscale="log", yscale="log", xlabel="shear stress [Pa]", ylabel=label)
             _ticks_at(ax, data.stress.values)
+            ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)))
             ax.yaxis.set_major_formatter(ScalarFormatter())
-            ax.yaxis.set_minor_formatter(ScalarFormatter())
-            handles, names = ax.get_legend_handles_labels()
-            if np.any(guessed) or (ax is left and np.any(data.breakup_beyond)):
-                handles.append(ax.plot([], [], "o", color="0.4", mfc="white", ms=4)[0])
-                names.append("open: extrapolated")
-            ax.legend(handles, names, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+            ax.yaxis.set_minor_locator(NullLocator())
+            ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
         return save(figure, data, path)
+
+
+def _with_exponent(ax, data: xr.Dataset, key: str, unit: float, style: dict) -> None:
+    """Values with their bands; the exponent, if there is one, in the legend."""
+    values = unit * data[key].values
+    known = np.isfinite(values)
+    if not known.any():
+        return
+    ends = np.stack([values - unit * data[f"{key}_low"], unit * data[f"{key}_high"] - values])[:, known]
+    if f"q_{key}" in data.attrs:
+        q, low, high = (data.attrs[f"q_{key}{end}"] for end in ("", "_low", "_high"))
+        style["label"] += f": q = {q:.2f} ({low:.2f} to {high:.2f})"
+    ax.errorbar(data.stress[known], values[known], yerr=_length(ends), ms=4, capsize=3, **style)
+
+
+def _interpolated(ax, data: xr.Dataset, key: str, unit: float) -> None:
+    """Values from the neighbouring stresses, beside their stress so that both bands can be read; open without a band."""
+    guess = unit * data[f"{key}_interpolated"].values
+    low, high = (unit * data[f"{key}_interpolated_{end}"].values for end in ("low", "high"))
+    beside = 1.02 * data.stress.values
+    for told, words in ((np.isfinite(low), ", with its error"), (~np.isfinite(low), ", error unknown")):
+        shown = told & np.isfinite(guess)
+        if shown.any():
+            ends = _length(np.stack([guess - low, high - guess]))[:, shown]
+            ax.errorbar(
+                beside[shown], guess[shown], yerr=ends, fmt="s", color=ORANGE, mfc="white", ms=4,
+                label="from the two stresses beside (shifted)" + words,
+            )  # fmt: skip
+
+
+def _length(ends: np.ndarray) -> np.ndarray:
+    """Lengths of error bars: none where there is no band."""
+    return np.where(np.isfinite(ends), np.maximum(ends, 0.0), 0.0)
+
+
+FEW_TRIALS = 10
+"""Encounters below which a share is no more than a hint: hatched."""
 
 
 def draw_table(table: KernelTable, path: Path) -> Path:
@@ -288,5 +377,9 @@ def draw_table(table: KernelTable, path: Path) -> Path:
             norm = "log" if key == "trials" else None
             mesh = ax.pcolormesh(edges, edges, values, cmap=colours, norm=norm)
             ax.set(xscale="log", yscale="log", xlabel="$P_i$", ylabel="$P_j$", aspect="equal")
+            if key != "trials":
+                few = np.where((trials > 0) & (trials < FEW_TRIALS), 1.0, np.nan)
+                ax.pcolor(edges, edges, few, hatch="////", alpha=0.0)
+                label += f"\n(hatched: of fewer than {FEW_TRIALS})"
             figure.colorbar(mesh, ax=ax, label=label, shrink=0.8)
         return save(figure, data, path)

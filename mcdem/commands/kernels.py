@@ -38,7 +38,7 @@ def kernels(
         typer.Option(
             min=0,
             callback=finite,
-            help="Stop when the relative standard error of the steady <P> is below this.",
+            help="Stop when the relative standard error of the steady mean size is below this.",
         ),
     ] = None,
     primaries: Annotated[
@@ -145,6 +145,8 @@ def kernels(
     if done.mean_size is not None and done.error is not None:
         line += f"; steady <P> = {done.mean_size:.3g}, standard error {100 * done.error:.2g} %"
     typer.echo(f"{line}; ended by {done.ended_by}")
+    if done.refusal:
+        typer.echo(done.refusal)
     if done.ended_by == "interruption":
         endings.tell(KeyboardInterrupt(f"{file} holds all that was computed: --resume goes on from there"))
         raise typer.Exit(endings.exit_code())

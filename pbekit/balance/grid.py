@@ -90,6 +90,16 @@ class Grid:
         middle = 0.5 * (p[1:] + p[:-1])
         return cls(p, np.concatenate([[p[0] - 0.5], middle, [p[-1] + 0.5]]), discrete=True)
 
+    def extended(self, factor: float) -> Grid:
+        """The same classes, and more of the same ratio until the largest size is `factor` times as large; no radii."""
+        if not self.discrete:
+            raise PBEError("grid: only one of whole primaries (Grid.primaries) can be extended")
+        longer = Grid.primaries(_leading_whole(self.pivots), int(np.ceil(factor * self.pivots[-1])))
+        pivots = np.append(self.pivots, longer.pivots[longer.pivots > self.pivots[-1]])
+        middle = 0.5 * (pivots[1:] + pivots[:-1])
+        edges = np.concatenate([[pivots[0] - 0.5], middle, [pivots[-1] + 0.5]])
+        return replace(self, pivots=pivots, edges=edges, outer_radius=None)
+
     @classmethod
     def geometric(cls, smallest: float, largest: float, ratio: float = 2**0.5) -> Grid:
         """Continuous volumes; edges at a constant ratio, pivots in the middle of their cells."""
@@ -375,6 +385,11 @@ class TwoComponentGrid:
         slot[over] = self.cells + np.array([0, 1, 2, 2])
         number[over] = np.stack([np.ones(len(m)), m[:, 0], m[:, 1], np.zeros(len(m))], axis=1)[over]
         return slot, number, None
+
+
+def _leading_whole(pivots: np.ndarray) -> int:
+    """How many pivots from 1 on are whole numbers without a gap."""
+    return int((pivots == np.arange(1, pivots.size + 1)).sum())
 
 
 def _bracket(axis: np.ndarray, x: np.ndarray):

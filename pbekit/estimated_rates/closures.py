@@ -15,9 +15,8 @@ radii       R/(a P^(1/2)) of the nearest aggregates in size, of the same shape.
 
 from __future__ import annotations
 
-import itertools
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -36,12 +35,11 @@ from pbekit.balance.encounters import (
 from pbekit.balance.grid import LARGEST, Grid
 from pbekit.balance.population_balance import EDGES, PopulationBalance
 from pbekit.errors import PBEError
+from pbekit.estimated_rates.kernel_smoothing import nearest
+from pbekit.estimated_rates.logistic_law import LogisticLaw
 from pbekit.tables.kernel_table import SCATTERED, KernelTable, kind_of
 
 SURVIVE, JOIN, SCATTER = range(3)
-NEIGHBOURS = 40
-"""Encounters that a local average of fragments, shapes or radii rests on, where exact matches are fewer."""
-MOST_NEIGHBOURS = 400
 STRONGEST_PRIOR = 20.0
 """Pseudo-encounters that the law may stand for in a pair of classes.  Classes cannot tell a law's small faults from their
 own noise, but the balance adds them up over all pairs: where there are data, data decide."""
@@ -82,125 +80,6 @@ def start_of(grid: Grid, table: KernelTable, volume_fraction: float | None = Non
     return grid.monodisperse(phi / (4 / 3 * np.pi * table.radius**3))
 
 
-@dataclass(frozen=True)
-class LogisticLaw:
-    """ln(p_k/p_0) = polynomial in ln sizes and shapes, symmetric in the two; ridge prior, Laplace posterior.
-
-    coefficients : (kinds - 1, features); covariance : of the flattened coefficients
-    """
-
-    coefficients: np.ndarray
-    covariance: np.ndarray
-    centre: np.ndarray
-    scale: np.ndarray
-
-    @staticmethod
-    def features(size_i, size_j, shape_i, shape_j) -> np.ndarray:
-        """(..., features) from sizes and shapes (nan where there is only one) of both."""
-        size_i, size_j = np.log(size_i), np.log(size_j)
-        total = np.log(np.exp(size_i) + np.exp(size_j))
-        unlike = np.abs(size_i - size_j)
-        mean = 0.5 * (size_i + size_j)
-        s_i, s_j = np.nan_to_num(np.log(shape_i)), np.nan_to_num(np.log(shape_j))
-        shape, diff = s_i + s_j, np.abs(s_i - s_j)
-        return np.stack(
-            [total, total**2, unlike, unlike**2, mean * unlike, shape, diff, shape * total], axis=-1
-        )
-
-    @classmethod
-    def fit(cls, features: np.ndarray, kind: np.ndarray, kinds: int = 3) -> LogisticLaw:
-        """Posterior mode by Newton's method."""
-        centre = features.mean(axis=0)
-        scale = np.where(features.std(axis=0) > 1e-9, features.std(axis=0), 1.0)
-        x = np.concatenate([np.ones((len(features), 1)), (features - centre) / scale], axis=1)
-        one = np.eye(kinds)[kind][:, 1:]
-        m = x.shape[1]
-        ridge = np.tile(np.r_[1 / 25, np.ones(m - 1) / 4], kinds - 1)
-
-        @lru_cache(maxsize=2)
-        def probabilities(point: bytes):
-            """Probabilities (n, kinds - 1), the logarithm of their norm (n,) and what they are the softmax of."""
-            logit = x @ np.frombuffer(point).reshape(kinds - 1, m).T
-            highest = np.maximum(logit.max(axis=1), 0.0)
-            p = np.exp(logit - highest[:, None])
-            norm = np.exp(-highest) + p.sum(axis=1)
-            return p / norm[:, None], np.log(norm) + highest, logit
-
-        def objective(flat):
-            p, norm, logit = probabilities(flat.tobytes())
-            value = norm.sum() - (one * logit).sum() + 0.5 * (ridge * flat**2).sum()
-            return value, (x.T @ (p - one)).T.ravel() + ridge * flat
-
-        def hessian(flat):
-            p, _, _ = probabilities(flat.tobytes())
-            found = np.diag(ridge)
-            for a, b in itertools.combinations_with_replacement(range(kinds - 1), 2):
-                block = x.T @ (x * (p[:, a] * ((a == b) - p[:, b]))[:, None])
-                found[a * m : (a + 1) * m, b * m : (b + 1) * m] += block
-                if a != b:
-                    found[b * m : (b + 1) * m, a * m : (a + 1) * m] += block
-            return found
-
-        start = np.zeros((kinds - 1) * m)
-        found = optimize.minimize(objective, start, jac=True, hess=hessian, method="trust-exact", tol=1e-8)
-        return cls(found.x.reshape(kinds - 1, m), np.linalg.inv(hessian(found.x)), centre, scale)
-
-    def expected(self, features: np.ndarray) -> np.ndarray:
-        """(..., kinds) posterior mean of the probabilities: where little is known it is not that of the mode.
-
-        Over 16 draws in pairs of opposite sign about the mode.
-        """
-        rng = np.random.default_rng(0)
-        root = np.linalg.cholesky(self.covariance)
-        total: np.ndarray | float = 0.0
-        for _ in range(8):
-            step = (root @ rng.standard_normal(len(root))).reshape(self.coefficients.shape)
-            for sign in (1, -1):
-                law = LogisticLaw(self.coefficients + sign * step, self.covariance, self.centre, self.scale)
-                total = total + law(features) / 16
-        return np.asarray(total)
-
-    def drawn(self, rng: np.random.Generator) -> LogisticLaw:
-        """The law with coefficients drawn from the posterior."""
-        flat = rng.multivariate_normal(self.coefficients.ravel(), self.covariance, method="cholesky")
-        return LogisticLaw(flat.reshape(self.coefficients.shape), self.covariance, self.centre, self.scale)
-
-    def __call__(self, features: np.ndarray) -> np.ndarray:
-        """(..., kinds) probabilities."""
-        x = (features - self.centre) / self.scale
-        logit = np.einsum("...f,kf->...k", x, self.coefficients[:, 1:]) + self.coefficients[:, 0]
-        return special.softmax(np.concatenate([np.zeros((*logit.shape[:-1], 1)), logit], axis=-1), axis=-1)
-
-
-def nearest(targets: np.ndarray, samples: np.ndarray, scale: np.ndarray, within=None) -> sparse.csr_array:
-    """(targets, samples) weights of a local average, Gaussian in the scaled distance.
-
-    The width is such that about NEIGHBOURS samples count; where that many match exactly, only these count.
-    targets (t, d), samples (n, d), scale (d,); within : (t, n) -> only samples allowed, as a function of the target
-    """
-    rows = []
-    for t, target in enumerate(targets):
-        allowed = np.arange(len(samples)) if within is None else within(t)
-        if allowed.size == 0:
-            rows.append((np.zeros(0, int), np.zeros(0)))
-            continue
-        d = np.sqrt((((samples[allowed] - target) / scale) ** 2).sum(axis=1))
-        count = min(len(d), MOST_NEIGHBOURS)
-        exact = np.flatnonzero(d < 1e-9)
-        if exact.size >= NEIGHBOURS:
-            rows.append((allowed[exact], np.ones(exact.size)))
-            continue
-        near = np.argpartition(d, count - 1)[:count]
-        width = max(np.partition(d[near], min(NEIGHBOURS, count) - 1)[min(NEIGHBOURS, count) - 1] / 1.5, 1e-6)
-        weight = np.exp(-0.5 * (np.minimum(d[near] / width, 30)) ** 2)
-        keep = weight > 1e-6
-        rows.append((allowed[near[keep]], weight[keep]))
-    columns = np.concatenate([r[0] for r in rows]) if rows else np.zeros(0, int)
-    data = np.concatenate([r[1] for r in rows]) if rows else np.zeros(0)
-    start = np.concatenate([[0], np.cumsum([len(r[0]) for r in rows])])
-    return sparse.csr_array((data, columns, start), shape=(len(targets), len(samples)))
-
-
 class Rates(NamedTuple):
     """What a balance takes from a table of encounters, on the cells of its grid.
 
@@ -219,6 +98,11 @@ class Rates(NamedTuple):
     broken: np.ndarray | None
     transitions: np.ndarray | None
 
+    @property
+    def size_changes(self) -> np.ndarray:
+        """(K, K) [m^3/s] rate of the encounters that change sizes."""
+        return self.encounters * (self.outcomes[..., JOIN] + self.outcomes[..., SCATTER])
+
     def balance(self, grid: Grid, partner_start: np.ndarray, scheme: str, edge: str) -> PopulationBalance:
         """The balance of these events."""
         join, scatter = (
@@ -234,6 +118,13 @@ class Rates(NamedTuple):
             CollisionalBreakup(scatter, PairRows(self.fragments, "fragments of encounters"), self.broken),
         ]
         return PopulationBalance(grid.with_outer_radius(self.radius_moments[0]), events, scheme, edge)
+
+
+def extrapolated_shares(changes: np.ndarray, mass: np.ndarray, guessed: np.ndarray) -> tuple[float, float]:
+    """Shares of `changes` (K, K) where `guessed` (K, K), in number and weighted with the mass (K,) of both parents."""
+    heavy = changes * (mass[:, None] + mass[None])
+    number, weighted = (float(c[guessed].sum() / c.sum()) for c in (changes, heavy))
+    return number, weighted
 
 
 class Closure:
@@ -274,12 +165,16 @@ class Closure:
         kind = kind_of(table.records.outcome)
         self.unresolved = float(np.mean(kind < 0)) if len(kind) else 0.0
         resolved = table.records.select(kind >= 0)
+        if grid.shapes == 1 and table.shape_edges is not None:
+            # One mean shape per size: outcomes of all shapes count, in the proportion in which they met.
+            table = replace(table, shape_edges=None)
         if len(resolved) == 0:
             raise PBEError("the table holds no resolved encounters")
         self.table = table.with_records(resolved)
         self.records = resolved
         self.kind = kind_of(resolved.outcome)
         self.partners = partners
+        self._options = (outcomes, memory, partners, edge)
         self.partner_start = np.array([0, grid.cells])
         self._prepare_outcomes()
         self._prepare_fragments()
@@ -387,11 +282,14 @@ class Closure:
         light = np.bincount(entry, size * small, len(event))
         heavy = np.bincount(entry, size * ~small, len(event))
         room = total[pair] - light
-        fits = (heavy > 0) & (room >= 3)
-        factor = np.where(fits, room / np.maximum(heavy, 1), 1.0)
-        scaled = np.where(small, size, size * factor[entry])
-        # If only monomers and dimers came out, or there is no room for more, their numbers are scaled instead.
-        number = np.where(fits, 1.0, total[pair] / before[event])[entry]
+        fits = ((heavy > 0) & (room >= 3))[entry]
+        # Without room for larger pieces all are scaled; monomers and dimers alone are as small in any pair.
+        alike = np.where(heavy > 0, total[pair] / before[event], 1.0)[entry]
+        stretched = size * (room / np.maximum(heavy, 1))[entry]
+        scaled = np.where(fits, np.where(small, size, stretched), size * alike)
+        # A daughter is at least a primary and leaves one behind; numbers then keep the mass of the pair.
+        scaled = np.clip(scaled, 1.0, total[pair][entry] - 1.0)
+        number = (total[pair] / np.bincount(entry, scaled, len(event)))[entry]
         slot, share, _ = grid.corners(scaled, closed=self.edge == "closed")
         at = pair[entry][:, None] * width + slot
         number = (share * number[:, None]) * near.data[entry][:, None]
@@ -600,14 +498,62 @@ class Closure:
         self, rng: np.random.Generator | None = None, scheme: str = "fixed pivot"
     ) -> PopulationBalance:
         """The mean balance, or a draw of it."""
-        return self.rates(rng).balance(self.grid, self.partner_start, scheme, self.edge)
+        rates = self.mean_rates if rng is None else self.rates(rng)
+        return rates.balance(self.grid, self.partner_start, scheme, self.edge)
+
+    @cached_property
+    def mean_rates(self) -> Rates:
+        """Rates with weights of one."""
+        return self.rates()
 
     @cached_property
     def mean(self) -> PopulationBalance:
         """The balance with weights of one."""
         return self.balance()
 
+    # -- what it rests on -----------------------------------------------------------------------------------------
+
+    @property
+    def tables(self) -> tuple[KernelTable, ...]:
+        """The table, for those that take one or two."""
+        return (self.table,)
+
+    def on(self, grid: Grid) -> Closure:
+        """The same table on another grid."""
+        return Closure(self.table, grid, *self._options)
+
+    @cached_property
+    def _meetings(self) -> tuple[np.ndarray, np.ndarray]:
+        """(K, K) rate of encounters [m^3/s], and of those that change sizes."""
+        return self.mean_rates.encounters, self.mean_rates.size_changes
+
     def extrapolated_flux(self, population: np.ndarray) -> float:
         """Share of all encounters, in number, that meet in pairs of classes nobody sampled or beyond sampled sizes."""
-        met = self.encounter_rate(self.weights(None)) * np.outer(population, population)
+        met = self._meetings[0] * np.outer(population, population)
         return float(met[self.extrapolated].sum() / met.sum())
+
+    def extrapolated_changes(self, population: np.ndarray) -> tuple[float, float]:
+        """The same share among the encounters that change sizes, in number and by mass."""
+        changes = self._meetings[1] * np.outer(population, population)
+        return extrapolated_shares(changes, self.grid.mass, self.extrapolated)
+
+    def missing_pairs(self, population: np.ndarray) -> list[tuple[str, float, int]]:
+        """Pairs of classes not sampled: name, share of the mass in changes of size, trials; the largest shares first."""
+        changes = self._meetings[1] * np.outer(population, population)
+        mass = changes * (self.grid.mass[:, None] + self.grid.mass[None])
+        mass /= mass.sum()
+        table, beyond = self.table, self.grid.mass > self.records.size.max()
+        within = self.extrapolated & ~(beyond[:, None] | beyond[None])
+        upper = np.triu(within)
+        share = np.bincount(
+            self.cell_pair[upper], (mass + mass.T * ~np.eye(len(mass), dtype=bool))[upper], table.pairs
+        )
+        b, a = np.tril_indices(table.classes)
+        found = [
+            (f"{table.class_name(a[k])} with {table.class_name(b[k])}", float(share[k]), int(self.trials[k]))
+            for k in np.flatnonzero(share > 0)
+        ]
+        out = float(mass[beyond[:, None] | beyond[None]].sum())
+        if out > 0:
+            found.append((f"sizes beyond {self.records.size.max()} with any", out, 0))
+        return sorted(found, key=lambda pair: -pair[1])

@@ -3,7 +3,7 @@
 Every rate is interpolated in the logarithm of stress: probabilities of outcomes in their logarithms (so that their ratios
 follow power laws of stress, as breakup does), fragments, shapes and radii as mixtures.  Mass is exact and probabilities add
 to one whatever the weight.  Draws of the two tables are independent, so their uncertainty is carried along; that of the
-interpolation itself is in no band: a table in between, left out, tells it (`over_stresses.stress_law`).
+interpolation itself is told by tables left out (`interpolation_error`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pbekit.balance.encounters import ShapeMemory
 from pbekit.balance.grid import Grid
 from pbekit.balance.population_balance import PopulationBalance
 from pbekit.errors import PBEError
-from pbekit.estimated_rates.closures import Closure, Rates, grid_for
+from pbekit.estimated_rates.closures import Closure, Rates, extrapolated_shares, grid_for
 from pbekit.tables.kernel_table import KernelTable
 
 
@@ -41,32 +41,36 @@ class Between:
         grid: Grid | None = None,
         outcomes: str = "table",
     ) -> None:
-        low, high = stress_of(lower), stress_of(upper)
-        if not low <= stress <= high or low == high:
-            raise PBEError(
-                f"stress = {stress:g} Pa: expected one from {low:g} to {high:g} Pa, the stresses of the two tables; "
-                "beyond them nothing is known"
-            )
-        for name in ("radius", "shear_rate", "shape_name"):
-            if getattr(lower, name) != getattr(upper, name):
-                raise PBEError(
-                    f"tables differ in {name} ({getattr(lower, name)} and {getattr(upper, name)}): "
-                    "only between stresses of one suspension can be interpolated"
-                )
-        if grid is None:
-            largest = max(grid_for(table).pivots[-1] for table in (lower, upper))
-            grid = grid_for(lower, largest=int(largest))
-        self.grid, self.stress = grid, stress
-        self.closures = (Closure(lower, grid, outcomes), Closure(upper, grid, outcomes))
+        _check(lower, upper, stress)
+        grid = common_grid([lower, upper]) if grid is None else grid
+        self._set(Closure(lower, grid, outcomes), Closure(upper, grid, outcomes), stress)
+
+    @classmethod
+    def of(cls, lower: Closure, upper: Closure, stress: float) -> Between:
+        """Of two tables that are on one grid already."""
+        _check(lower.table, upper.table, stress)
+        found = cls.__new__(cls)
+        found._set(lower, upper, stress)
+        return found
+
+    def _set(self, lower: Closure, upper: Closure, stress: float) -> None:
+        low, high = stress_of(lower.table), stress_of(upper.table)
+        self.grid, self.stress, self.closures = lower.grid, stress, (lower, upper)
         self.weight = float(np.log(stress / low) / np.log(high / low))
         """Of the upper table."""
+
+    @property
+    def gap(self) -> float:
+        """ln(s/s_1) ln(s_2/s), by which the error of the interpolation goes (`interpolation_error`)."""
+        low, high = (stress_of(table) for table in self.tables)
+        return float(np.log(self.stress / low) * np.log(high / self.stress))
 
     def balance(
         self, rng: np.random.Generator | None = None, scheme: str = "fixed pivot"
     ) -> PopulationBalance:
         """The mean balance, or a draw of it."""
         lower, upper = self.closures
-        mixed = mix(lower.rates(rng), upper.rates(rng), self.weight)
+        mixed = self.mean_rates if rng is None else mix(lower.rates(rng), upper.rates(rng), self.weight)
         return mixed.balance(self.grid, lower.partner_start, scheme, lower.edge)
 
     @property
@@ -79,9 +83,62 @@ class Between:
         """The balance with weights of one."""
         return self.balance()
 
-    def extrapolated_flux(self, population: np.ndarray) -> float:
-        """Share of all encounters, in number, that a table did not sample in their classes; the larger of the two."""
-        return max(closure.extrapolated_flux(population) for closure in self.closures)
+    @cached_property
+    def mean_rates(self) -> Rates:
+        """Rates with weights of one."""
+        lower, upper = self.closures
+        return mix(lower.mean_rates, upper.mean_rates, self.weight)
+
+    @property
+    def tables(self) -> tuple[KernelTable, KernelTable]:
+        """The table below and the one above."""
+        lower, upper = self.closures
+        return lower.table, upper.table
+
+    def on(self, grid: Grid) -> Between:
+        """The same tables on another grid."""
+        lower, upper = self.closures
+        return Between.of(lower.on(grid), upper.on(grid), self.stress)
+
+    def extrapolated_changes(self, population: np.ndarray) -> tuple[float, float]:
+        """As `Closure.extrapolated_changes`, of pairs of classes that neither table sampled.
+
+        What one table alone lacks is part of the error of interpolation, which tables left out tell.
+        """
+        lower, upper = self.closures
+        changes = self.mean_rates.size_changes * np.outer(population, population)
+        return extrapolated_shares(changes, self.grid.mass, lower.extrapolated & upper.extrapolated)
+
+    def missing_pairs(self, population: np.ndarray) -> list[tuple[str, float, int]]:
+        """Those of the table that lacks more (`Closure.missing_pairs`)."""
+        lacking = max(self.closures, key=lambda closure: closure.extrapolated_changes(population)[1])
+        return lacking.missing_pairs(population)
+
+
+def _check(lower: KernelTable, upper: KernelTable, stress: float) -> None:
+    low, high = stress_of(lower), stress_of(upper)
+    if not low <= stress <= high or low == high:
+        raise PBEError(
+            f"stress = {stress:g} Pa: expected one from {low:g} to {high:g} Pa, the stresses of the two tables; "
+            "beyond them nothing is known"
+        )
+    for name in ("radius", "shear_rate", "shape_name"):
+        if getattr(lower, name) != getattr(upper, name):
+            raise PBEError(
+                f"tables differ in {name} ({getattr(lower, name)} and {getattr(upper, name)}): "
+                "only between stresses of one suspension can be interpolated"
+            )
+
+
+def common_grid(
+    tables: Sequence[KernelTable], exact_to: int = 32, largest: int | None = None, shapes="table"
+) -> Grid:
+    """One grid for several tables: sizes to twice the largest seen in any, shape classes of the one at the lowest stress."""
+    # A largest size must hold what any of the tables saw.
+    ends = [grid_for(table, exact_to, largest).pivots[-1] for table in tables]
+    if largest is None:
+        largest = int(max(ends))
+    return grid_for(min(tables, key=stress_of), exact_to, largest, shapes)
 
 
 def stress_of(table: KernelTable) -> float:

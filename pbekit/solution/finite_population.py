@@ -13,10 +13,10 @@ import numpy as np
 import xarray as xr
 
 from pbekit import arguments
-from pbekit.balance import right_hand_side as compiled
 from pbekit.balance.encounters import ShapeMemory
 from pbekit.errors import PBEError
 from pbekit.estimated_rates.closures import SURVIVE, Closure
+from pbekit.solution import compiled_population
 
 
 def population_course(
@@ -57,18 +57,13 @@ def population_course(
         if drawn:
             lookup = _lookup(closure, largest, np.random.default_rng([seed, r, 1]))
         sizes, shape = np.ones(64 * initial, np.int64), np.full(64 * initial, shapes, np.int64)
-        compiled.finite_population(
+        keep = int(np.ceil(doubling_below * initial))
+        compiled_population.finite_population(
             lookup,
-            sizes,
-            shape,
-            initial,
-            volume,
-            int(np.ceil(doubling_below * initial)),
+            compiled_population.Population(sizes, shape, initial, volume, keep),
             times,
             np.random.default_rng([seed, r]),
-            series[r],
-            counted[r],
-            int(np.searchsorted(times, since)),
+            compiled_population.Samples(series[r], counted[r], int(np.searchsorted(times, since))),
         )
         if progress is not None:
             progress(r + 1)
@@ -93,7 +88,9 @@ def population_course(
     )
 
 
-def _lookup(closure: Closure, largest: int, rng: np.random.Generator | None = None) -> compiled.Lookup:
+def _lookup(
+    closure: Closure, largest: int, rng: np.random.Generator | None = None
+) -> compiled_population.Lookup:
     grid, table = closure.grid, closure.table
     weight = closure.weights(rng)
     nearest_size = np.abs(
@@ -132,7 +129,7 @@ def _lookup(closure: Closure, largest: int, rng: np.random.Generator | None = No
         pairs = grid.sizes * (grid.sizes + 1) // 2
         near_start, near_event, cumulative = np.arange(pairs + 1), np.zeros(pairs, np.int64), np.ones(pairs)
         event_start, event_size = np.array([0, 2]), np.array([5, 5])
-    return compiled.Lookup(
+    return compiled_population.Lookup(
         cell,
         closure.radius_moments(weight),
         np.ascontiguousarray(np.cumsum(p, axis=-1)[..., : SURVIVE + 2]),

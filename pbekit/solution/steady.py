@@ -18,6 +18,10 @@ from pbekit.balance.population_balance import PopulationBalance, balance_at_door
 from pbekit.errors import PBEError
 
 
+class NotReachedError(PBEError):
+    """No steady state was reached in any time."""
+
+
 @dataclass(frozen=True)
 class SteadyState:
     """A steady population, and what it takes to ask how it depends on the rates.
@@ -101,12 +105,12 @@ def steady_state(
             while solver.t < span and solver.status == "running":
                 solver.step()
         if solver.status == "failed":
-            raise PBEError(f"steady_state: the integrator failed at t = {solver.t:g}")
+            raise NotReachedError(f"steady_state: the integrator failed at t = {solver.t:g}")
         found = _newton(balance, np.maximum(solver.y[:cells], 0.0), total, tolerance, solver.t)
         if found is not None:
             return found
         span, trials = 2 * span, trials + 1
-    raise PBEError(f"steady_state: not reached by t = {solver.t:g}")
+    raise NotReachedError(f"steady_state: not reached by t = {solver.t:g}")
 
 
 def _newton(balance, population, total, tolerance, time) -> SteadyState | None:

@@ -11,7 +11,7 @@ from pbekit.balance.population_balance import PopulationBalance
 from pbekit.estimated_rates.closures import Closure, grid_for, start_of
 from pbekit.solution.finite_population import population_course
 from pbekit.solution.solve import integrate
-from pbekit.solution.steady import steady_state
+from pbekit.study.evidence import supported_steady_state
 from pbekit.study.uncertainty import course_output, steady_summary
 from pbekit.tables.kernel_table import KernelTable, size_classes, size_ratio
 
@@ -77,7 +77,7 @@ def to_32(share: np.ndarray) -> np.ndarray:
 def switch_table(
     table: KernelTable,
     initial: int,
-    duration: float,
+    duration: float | None,
     times: np.ndarray,
     late: float,
     counted: np.ndarray | None = None,
@@ -85,8 +85,9 @@ def switch_table(
 ) -> xr.Dataset:
     """What each switch, and a population of the run's size, make of the balance.
 
-    Steady <P>, relative deviation and d32; <P> at the last of `times`; and, given the shares `counted` (sizes + 1,) of a
-    run from `late` [s] on, the distance of the shares then from them.
+    Steady <P>, relative deviation and d32, nan where encounters that were seen do not bear them; <P> at the last of `times`;
+    and, given the shares `counted` (sizes + 1,) of a run from `late` [s] on, the distance of the shares then from them.
+    duration : time [s] over which a finite population is followed to its steady state; None where there is none
     """
     names, rows = [], []
     off = lambda share: np.nan if counted is None else distance(to_32(share), to_32(counted[1:]))
@@ -94,7 +95,10 @@ def switch_table(
         closure = make()
         balance = closure.balance(scheme=scheme)
         start = start_of(closure.grid, table)
-        found = steady_summary(balance, steady_state(balance, start).population)
+        steady, _ = supported_steady_state(closure, start, scheme=scheme)
+        found = (
+            dict.fromkeys(SUMMARY, np.nan) if steady is None else steady_summary(balance, steady.population)
+        )
         then = course_output(start, times, share_from=late, rtol=1e-5)(balance)
         names.append(name)
         rows.append(
@@ -102,16 +106,18 @@ def switch_table(
         )
     closure = Closure(table, grid_for(table))
     phi = float(table.about["volume_fraction"])
-    settled = population_course(
-        closure, phi, np.linspace(0, duration, 101), initial=initial, replicas=replicas
-    ).isel(time=slice(60, None))
     early = population_course(
         closure, phi, times, initial=initial, replicas=4 * replicas, steady_from=late
     ).mean("replica")
     names.append(f"a finite population of {initial}")
-    deviation = (settled.size_deviation / settled.mean_size).mean()
-    values = (settled.mean_size.mean(), deviation, settled.sauter_diameter.mean(), early.mean_size[-1])
-    rows.append([float(v) for v in values] + [off(early.share.values[1:])])
+    values = [np.nan] * len(SUMMARY)
+    if duration is not None:
+        settled = population_course(
+            closure, phi, np.linspace(0, duration, 101), initial=initial, replicas=replicas
+        ).isel(time=slice(60, None))
+        deviation = (settled.size_deviation / settled.mean_size).mean()
+        values = [float(v) for v in (settled.mean_size.mean(), deviation, settled.sauter_diameter.mean())]
+    rows.append([*values, float(early.mean_size[-1]), off(early.share.values[1:])])
     columns = (*SUMMARY, "end_mean_size", "late_distance")
     return xr.Dataset(
         {c: ("switch", [row[k] for row in rows]) for k, c in enumerate(columns)},

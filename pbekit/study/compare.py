@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import itertools
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
+from pbekit import arguments
+from pbekit.arguments import LEVEL
 from pbekit.balance.grid import Grid
 from pbekit.errors import PBEError
 from pbekit.estimated_rates.closures import Closure, grid_for, start_of
@@ -22,16 +24,9 @@ from pbekit.solution.finite_population import population_course
 from pbekit.solution.steady import SteadyState, steady_state
 from pbekit.study.ablation import SUMMARY, distance, settling_time, switch_table, to_32
 from pbekit.study.analytical import AnalyticalBalance
+from pbekit.study.evidence import supported_steady_state
 from pbekit.study.monte_carlo import STEADY_SHARE, MonteCarlo
-from pbekit.study.uncertainty import (
-    LEVEL,
-    band,
-    course_output,
-    draws_of,
-    eta_11,
-    steady_output,
-    steady_summary,
-)
+from pbekit.study.uncertainty import band, course_output, draws_of, eta_11, steady_output, steady_summary
 from pbekit.tables.kernel_table import KernelTable
 
 COURSE = (("mean_size", "1"), ("size_deviation", "1"), ("sauter_diameter", "m"))
@@ -43,7 +38,8 @@ class Comparison:
 
     Bands: *_low, *_high hold 90 % of what the table leaves open; *_run_low, *_run_high 90 % of single runs of the Monte
     Carlo's size to come, table and finite population together.  `distribution`: density at steady state, late_density
-    averaged over the last part of the run, steady or not; *_monte_carlo is of that part.
+    averaged over the last part of the run, steady or not; *_monte_carlo is of that part.  Where encounters that were seen do
+    not bear a steady state, nothing of one is in here, and `no_steady_state` says what is missing.
     """
 
     course: xr.Dataset
@@ -52,7 +48,8 @@ class Comparison:
     switches: xr.Dataset
     table: KernelTable
     run: MonteCarlo | None
-    steady: SteadyState
+    steady: SteadyState | None
+    no_steady_state: str = ""
 
 
 OF_THE_SAMPLE = {
@@ -72,6 +69,16 @@ def other_tables(one: str, other: str) -> list[str]:
     return sorted(name for name in first.keys() | second.keys() if first.get(name) != second.get(name))
 
 
+def run_of_each(tables: Sequence[KernelTable], runs: Sequence[MonteCarlo]) -> list[MonteCarlo | None]:
+    """The run of each table's own scene, None where there is none; raises `PBEError` for a run of no table's scene."""
+    by_scene = {run.scene: run for run in runs}
+    scenes = [str(table.about.get("scene")) for table in tables]
+    for run in runs:
+        if run.scene not in scenes:
+            raise PBEError(f"{run.path}: none of the tables is of its scene")
+    return [by_scene.get(scene) for scene in scenes]
+
+
 def compare(
     table: KernelTable,
     run: MonteCarlo | None,
@@ -82,8 +89,17 @@ def compare(
 ) -> Comparison:
     """Balance with bands, Monte Carlo and analytical balance of one suspension.
 
+    draws : 19 or more, for the bands
     until : [s], the run's end by default
+
+    Raises
+    ------
+    PBEError : of a run of another scene, or arguments that cannot be meant
     """
+    arguments.draws("draws =", draws)
+    arguments.whole_number("seed", seed, 0, arguments.LARGEST_SEED)
+    if until is not None:
+        arguments.until("until =", until)
     tell = progress or (lambda what, share: None)
     if run is not None and run.scene and table.about.get("scene"):
         differs = other_tables(run.scene, str(table.about["scene"]))
@@ -97,14 +113,15 @@ def compare(
     closure = Closure(table, grid_for(table))
     start = start_of(closure.grid, table)
     tell("steady state", 0.05)
-    steady = steady_state(closure.mean, start)
-    mean = steady_summary(closure.mean, steady.population)
+    steady, evidence = supported_steady_state(closure, start)
+    mean = None if steady is None else steady_summary(closure.mean, steady.population)
     late = (1 - STEADY_SHARE) * (until if run is None else min(until, float(run.time[-1])))
     both_course = course_output(start, times, share_from=late, rtol=1e-5)
-    both_steady = steady_output(start, guess=steady.population)
+    both_steady = None if steady is None else steady_output(start, guess=steady.population)
 
     def output(balance):
-        return {f"course_{k}": v for k, v in both_course(balance).items()} | dict(both_steady(balance))
+        found = {f"course_{k}": v for k, v in both_course(balance).items()}
+        return found if both_steady is None else found | dict(both_steady(balance))
 
     centre = output(closure.mean)
     drawn = draws_of(closure, output, draws, seed, lambda k: tell("draws", 0.05 + 0.5 * k / draws))
@@ -122,7 +139,9 @@ def compare(
             progress=lambda k: tell("single runs", 0.55 + 0.15 * k / draws),
         )
     settled = run is not None and run.is_steady
-    target = run.steady["mean_size"][0] if run is not None and settled else float(mean["mean_size"])
+    target = None if mean is None else float(mean["mean_size"])
+    if run is not None and settled:
+        target = run.steady["mean_size"][0]
     tell("analytical laws", 0.7)
     data: dict[str, tuple] = {}
     for key, unit in COURSE:
@@ -139,14 +158,17 @@ def compare(
                 data[f"{key}_run_{end}"] = ("time", values, {"units": unit})
     numbers: dict[str, float] = {}
     for key in SUMMARY:
-        low, high = band(drawn[key].values)
-        numbers |= {key: float(mean[key]), f"{key}_low": float(low), f"{key}_high": float(high)}
+        if mean is not None:
+            low, high = band(drawn[key].values)
+            numbers |= {key: float(mean[key]), f"{key}_low": float(low), f"{key}_high": float(high)}
         if run is not None and settled:
             numbers[f"{key}_monte_carlo"], numbers[f"{key}_monte_carlo_error"] = run.steady[key]
     numbers["eta_11"], numbers["eta_11_low"], numbers["eta_11_high"] = eta_11(table)
-    numbers["extrapolated_flux"] = closure.extrapolated_flux(steady.population)
     numbers["unresolved"] = closure.unresolved
-    numbers["edge_flux"] = closure.mean.edge_flux(steady.population)
+    if steady is not None:
+        numbers["extrapolated_flux"] = closure.extrapolated_flux(steady.population)
+        numbers["extrapolated_mass"] = closure.extrapolated_changes(steady.population)[1]
+        numbers["edge_flux"] = closure.mean.edge_flux(steady.population)
     if run is not None:
         # At the end of the run, steady or not.
         low, high = band(drawn["course_mean_size"].values[:, -1])
@@ -162,11 +184,10 @@ def compare(
 
     grid = closure.grid
     width = np.diff(grid.edges)
-    shares = {
-        **_banded("density", np.asarray(mean["share"]), drawn["share"].values, width),
-        **_banded("late_density", centre["course_late_share"], drawn["course_late_share"].values, width),
-    }
-    if "hamaker_constant" in table.about:
+    shares = _banded("late_density", centre["course_late_share"], drawn["course_late_share"].values, width)
+    if mean is not None:
+        shares |= _banded("density", np.asarray(mean["share"]), drawn["share"].values, width)
+    if "hamaker_constant" in table.about and target is not None:
         analytical = AnalyticalBalance.fitted(table, target)
         laws = analytical.balance()
         law_start = start_of(analytical.grid, table)
@@ -205,7 +226,9 @@ def compare(
         numbers["late_distance_run_high"] = float(np.quantile(chance, LEVEL))
     distribution = xr.Dataset(shares, {"size": grid.pivots}, {"steady_run": int(settled)})
     tell("switches", 0.8)
-    duration = max(until, 1.5 * settling_time(closure.mean, start, float(mean["mean_size"])))
+    duration = None
+    if mean is not None:
+        duration = max(until, 1.5 * settling_time(closure.mean, start, float(mean["mean_size"])))
     switched = switch_table(
         table,
         run.initial if run is not None else 200,
@@ -223,6 +246,7 @@ def compare(
         table,
         run,
         steady,
+        "" if steady is not None else evidence.refusal(table),
     )
 
 

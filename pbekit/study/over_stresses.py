@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
+from pbekit import arguments
 from pbekit.errors import PBEError
 from pbekit.estimated_rates.closures import Closure, grid_for, start_of
-from pbekit.estimated_rates.stress_interpolation import Between, stress_of
+from pbekit.estimated_rates.stress_interpolation import Between, common_grid, stress_of
 from pbekit.solution.steady import steady_state
 from pbekit.study.analytical import AnalyticalBalance, van_de_ven_mason_of
+from pbekit.study.evidence import LEAST_BREAKUPS, supported_steady_state
+from pbekit.study.interpolation_error import leave_out
 from pbekit.study.uncertainty import band, draws_of, eta_11, steady_output, steady_summary
 from pbekit.tables.kernel_table import KernelTable
 
 OVER_STRESSES = {"mean_size": "1", "breakup_size": "1", "sauter_diameter": "m"}
 
 
+LEAST_STRESSES = 3
+"""Distinct stresses that an exponent needs: two give a ratio, and no line is tested by it."""
 ANALYTICAL_Q = 2.0
 """Exponent of the breakup size of analytical laws: what the paper finds (section 3), and others of compact aggregates."""
 
@@ -41,7 +47,7 @@ def efficiencies(tables: list[KernelTable]) -> xr.Dataset:
 def breakup_size(closure: Closure, rng: np.random.Generator | None = None) -> float:
     """P_br: joint size at which half of the encounters that join or scatter scatter, among encounters with equal partners.
 
-    By the fitted law, so that it is defined for any table.
+    By the fitted law, so that it is defined for any table; inf where the share stays below a half up to 4000.
     """
     law = closure.law if rng is None else closure.law.drawn(rng)
     size = np.geomspace(1.5, 2000, 400)
@@ -52,7 +58,17 @@ def breakup_size(closure: Closure, rng: np.random.Generator | None = None) -> fl
     p = law(law.features(size, size, shape, shape))
     share = p[:, 2] / (p[:, 1] + p[:, 2])
     above = np.flatnonzero(share > 0.5)
-    return float(2 * size[above[0]]) if above.size else np.nan
+    return float(2 * size[above[0]]) if above.size else np.inf
+
+
+@dataclass(frozen=True)
+class _AtStress:
+    """What one table says: values and draws of each quantity (1 + draws,), nan where nothing bears them."""
+
+    table: KernelTable
+    values: dict[str, np.ndarray]
+    extrapolated: float
+    refusal: str
 
 
 def stress_law(
@@ -60,91 +76,163 @@ def stress_law(
 ) -> xr.Dataset:
     """Steady <P>, d32 and breakup size against stress with bands, and the exponent q of each, X ~ stress^-q.
 
-    *_interpolated : steady <P> and d32 from the tables at the next lower and the next higher stress alone, with bands; nan
-    at the ends, which have no two neighbours
+    Parameters
+    ----------
+    tables : one for each stress, two or more
+    draws : for the bands
+    progress : called with the share that is done
+
+    Returns
+    -------
+    Values over `stress` [Pa] with `*_low` and `*_high`: nan where encounters that were seen do not bear them, `no_steady_state`
+    then says why.  P_br is nan too where it is larger than any two partners together were.
+    *_interpolated : steady <P> and d32 from the tables at the next lower and the next higher stress alone, with bands that
+    hold the error of interpolation, told by the other tables between two (nan without any); the attribute
+    *_interpolated_inside says how many of how many values lie in these bands
     *_analytical : van de Ven & Mason's efficiency with power-law breakup, which is given <P> at the stress with most
     encounters (attribute `reference`) and P_br ~ stress^-ANALYTICAL_Q; extrapolated : share of encounters in pairs of
-    classes nobody sampled; breakup_beyond : whether P_br is larger than any two partners together were
+    classes nobody sampled
+    q_* : of `stresses_*` distinct stresses over `decades_*`; left out for fewer than LEAST_STRESSES
     """
     if len(tables) < 2:
         raise PBEError("a law over stresses needs tables at two stresses or more")
+    arguments.draws("draws =", draws)
+    tables = sorted(tables, key=stress_of)
     stress = np.array([stress_of(t) for t in tables])
-    order = np.argsort(stress)
-    stress, tables = stress[order], [tables[k] for k in order]
-    values: dict[str, list] = {name: [] for name in OVER_STRESSES}
-    extrapolated, beyond, interpolated = [], [], []
+    rows = []
     for k, table in enumerate(tables):
-        closure = Closure(table, grid_for(table))
-        start = start_of(closure.grid, table)
-        steady = steady_state(closure.mean, start)
-        mean = steady_summary(closure.mean, steady.population)
-        drawn = draws_of(closure, steady_output(start, guess=steady.population), draws, seed=k)
-        for name in ("mean_size", "sauter_diameter"):
-            values[name].append(np.append(mean[name], drawn[name].values))
-        rng = np.random.default_rng(k)
-        values["breakup_size"].append(
-            [breakup_size(closure)] + [breakup_size(closure, rng) for _ in range(draws)]
-        )
-        interpolated.append(
-            _from_neighbours(tables[k - 1], tables[k + 1], stress[k], draws, k)
-            if 0 < k < len(tables) - 1
-            else {}
-        )
-        extrapolated.append(closure.extrapolated_flux(steady.population))
-        beyond.append(values["breakup_size"][-1][0] > table.records.size.sum(axis=1).max())
+        rows.append(_at_stress(table, draws, k))
         if progress is not None:
-            progress((k + 1) / len(tables))
+            progress(0.7 * (k + 1) / len(tables))
     found = xr.Dataset(
-        {"extrapolated": ("stress", extrapolated), "breakup_beyond": ("stress", beyond)},
+        {
+            "extrapolated": ("stress", [row.extrapolated for row in rows], {"units": "1"}),
+            "no_steady_state": ("stress", np.array([row.refusal for row in rows], dtype=object)),
+        },
         {"stress": ("stress", stress, {"units": "Pa"})},
     )
-    for name, rows in values.items():
-        each = np.array(rows)
-        low, high = np.nanquantile(each[:, 1:], [0.05, 0.95], axis=1)
-        bands = {name: each[:, 0], f"{name}_low": low, f"{name}_high": high}
-        found = found.assign({n: ("stress", v, {"units": OVER_STRESSES[name]}) for n, v in bands.items()})
-        q = -np.polyfit(np.log(stress), np.log(each), 1)[0]
-        found.attrs |= {
-            f"q_{name}": q[0],
-            f"q_{name}_low": np.nanquantile(q[1:], 0.05),
-            f"q_{name}_high": np.nanquantile(q[1:], 0.95),
-        }
-    if all("hamaker_constant" in t.about for t in tables):
-        found = found.merge(_analytical_over_stresses(tables, stress, found.mean_size.values))
+    for name, unit in OVER_STRESSES.items():
+        each = np.array([row.values[name] for row in rows])
+        limits = np.array([band(row[1:]) if np.isfinite(row[0]) else [np.nan, np.nan] for row in each]).T
+        bands = {name: each[:, 0], f"{name}_low": limits[0], f"{name}_high": limits[1]}
+        found = found.assign({n: ("stress", v, {"units": unit}) for n, v in bands.items()})
+        found.attrs |= _exponent(name, stress, each)
+    supported = [k for k, row in enumerate(rows) if not row.refusal]
+    if supported and all("hamaker_constant" in t.about for t in tables):
+        found = _with_analytical(found, [tables[k] for k in supported], supported)
+    with_interpolation = [tables[k] for k in supported]
+    if len(with_interpolation) > 2:
+        columns = interpolated(with_interpolation, draws)
+        for name, values in columns.items():
+            column = np.full(len(tables), np.nan)
+            column[supported] = values
+            found[name] = ("stress", column, {"units": OVER_STRESSES[name.partition("_interpolated")[0]]})
         for name in ("mean_size", "sauter_diameter"):
-            slope = np.polyfit(np.log(stress), np.log(found[f"{name}_analytical"].values), 1)[0]
-            found.attrs[f"q_{name}_analytical"] = -slope
-        found.attrs["reference"] = stress[_most_encounters(tables)]
-    if len(tables) > 2:
-        for name in dict.fromkeys(name for row in interpolated for name in row):
-            unit = {"units": OVER_STRESSES[name.partition("_interpolated")[0]]}
-            found[name] = ("stress", [row.get(name, np.nan) for row in interpolated], unit)
+            if f"{name}_interpolated_low" in found:
+                found.attrs[f"{name}_interpolated_inside"] = _inside(found, name)
+    if progress is not None:
+        progress(1.0)
     return found
 
 
-def _from_neighbours(
-    lower: KernelTable, upper: KernelTable, stress: float, draws: int, seed: int
-) -> dict[str, float]:
-    """Steady <P> and d32 [m] at a stress [Pa] from tables below and above it, with their bands.
+def _at_stress(table: KernelTable, draws: int, seed: int) -> _AtStress:
+    nothing = np.full(1 + draws, np.nan)
+    closure = Closure(table, grid_for(table))
+    start = start_of(closure.grid, table)
+    steady, evidence = supported_steady_state(closure, start)
+    values = dict.fromkeys(OVER_STRESSES, nothing)
+    extrapolated = np.nan
+    if steady is not None:
+        mean = steady_summary(closure.mean, steady.population)
+        drawn = draws_of(closure, steady_output(start, guess=steady.population), draws, seed=seed)
+        for name in ("mean_size", "sauter_diameter"):
+            values[name] = np.append(mean[name], drawn[name].values)
+        extrapolated = closure.extrapolated_flux(steady.population)
+    if evidence.breakups >= LEAST_BREAKUPS and breakup_size(closure) <= evidence.largest:
+        rng = np.random.default_rng(seed)
+        values["breakup_size"] = np.array(
+            [breakup_size(closure)] + [breakup_size(closure, rng) for _ in range(draws)]
+        )
+    return _AtStress(table, values, extrapolated, "" if steady is not None else evidence.refusal(table))
 
-    Nothing where they cannot be interpolated: of one stress, or of other shear rates or shapes.
-    """
-    try:
-        closure = Between(lower, upper, stress)
-    except PBEError:
+
+def _exponent(name: str, stress: np.ndarray, each: np.ndarray) -> dict[str, float]:
+    """q of X ~ stress^-q with its band, from values and draws (stresses, 1 + draws)."""
+    known = np.isfinite(each).all(axis=1)
+    distinct = np.unique(stress[known])
+    if distinct.size < LEAST_STRESSES:
         return {}
-    start = start_of(closure.grid, lower)
-    steady = steady_state(closure.mean, start)
-    mean = steady_summary(closure.mean, steady.population)
-    drawn = draws_of(closure, steady_output(start, guess=steady.population), draws, seed=seed)
-    found: dict[str, float] = {}
+    q = -np.polyfit(np.log(stress[known]), np.log(each[known]), 1)[0]
+    low, high = band(q[1:])
+    return {
+        f"q_{name}": q[0],
+        f"q_{name}_low": low,
+        f"q_{name}_high": high,
+        f"stresses_{name}": distinct.size,
+        f"decades_{name}": float(np.log10(distinct[-1] / distinct[0])),
+    }
+
+
+def interpolated(tables: list[KernelTable], draws: int) -> dict[str, np.ndarray]:
+    """Steady <P> and d32 [m] at each inner stress from its two neighbours, with bands; nan at both ends.
+
+    The error of interpolation at one stress is told by the other inner tables, each predicted without the table at that
+    stress.  Empty where tables cannot be interpolated: of one stress, or of other shear rates or shapes.
+    """
+    stress = [stress_of(t) for t in tables]
+    if np.any(np.diff(stress) <= 0) or not all(_alike(tables[0], t) for t in tables[1:]):
+        return {}
+    grid = common_grid(tables)
+    closures = [Closure(t, grid) for t in tables]
+    start = start_of(grid, tables[0])
+    settled = [steady_state(c.mean, start) for c in closures]
+    own = [steady_summary(c.mean, s.population) for c, s in zip(closures, settled, strict=True)]
+    names = ("mean_size", "sauter_diameter")
+    found = {
+        f"{n}_interpolated{end}": np.full(len(tables), np.nan) for n in names for end in ("", "_low", "_high")
+    }
+    for k in range(1, len(tables) - 1):
+        middle = Between.of(closures[k - 1], closures[k + 1], stress[k])
+        near = steady_output(start, guess=settled[k].population)
+        output = lambda b, near=near: {name: near(b)[name] for name in names}
+        value = output(middle.mean)
+        others = [j for j in range(len(tables)) if j != k]
+        errors = leave_out([closures[j] for j in others], output, [own[j] for j in others])
+        for name in names:
+            found[f"{name}_interpolated"][k] = value[name]
+        if not errors:
+            continue
+        drawn = draws_of(middle, output, draws, seed=k)
+        for name in names:
+            low, high = errors[name].widened(value[name], drawn[name].values, middle.gap)
+            found[f"{name}_interpolated_low"][k], found[f"{name}_interpolated_high"][k] = low, high
+    return found
+
+
+def _alike(one: KernelTable, other: KernelTable) -> bool:
+    return all(getattr(one, name) == getattr(other, name) for name in ("radius", "shear_rate", "shape_name"))
+
+
+def _inside(found: xr.Dataset, name: str) -> str:
+    """How many of the values lie in the bands of their interpolation."""
+    value, low, high = (
+        found[f"{name}{end}"].values for end in ("", "_interpolated_low", "_interpolated_high")
+    )
+    told = np.isfinite(low) & np.isfinite(value)
+    return f"{int(((value >= low) & (value <= high))[told].sum())} of {int(told.sum())}"
+
+
+def _with_analytical(found: xr.Dataset, tables: list[KernelTable], rows: list[int]) -> xr.Dataset:
+    stress = found.stress.values[rows]
+    laws = _analytical_over_stresses(tables, stress, found.mean_size.values[rows])
     for name in ("mean_size", "sauter_diameter"):
-        low, high = band(drawn[name].values)
-        found |= {
-            f"{name}_interpolated": float(mean[name]),
-            f"{name}_interpolated_low": float(low),
-            f"{name}_interpolated_high": float(high),
-        }
+        column = np.full(found.sizes["stress"], np.nan)
+        column[rows] = laws[f"{name}_analytical"].values
+        found[f"{name}_analytical"] = ("stress", column, {"units": OVER_STRESSES[name]})
+        if np.unique(stress).size >= LEAST_STRESSES:
+            slope = np.polyfit(np.log(stress), np.log(column[rows]), 1)[0]
+            found.attrs[f"q_{name}_analytical"] = -slope
+    found.attrs["reference"] = stress[_most_encounters(tables)]
     return found
 
 

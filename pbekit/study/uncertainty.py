@@ -14,23 +14,23 @@ from typing import Protocol
 
 import numpy as np
 import xarray as xr
-from scipy import stats
 
-from pbekit.arguments import LARGEST_SEED, number, whole_number
+from pbekit.arguments import LARGEST_SEED, LEVEL, MOST_DRAWS, least_draws, number, whole_number
 from pbekit.balance.population_balance import PopulationBalance
 from pbekit.errors import PBEError
 from pbekit.estimated_rates.closures import JOIN, SCATTER, SURVIVE, Closure
 from pbekit.solution.solve import integrate
-from pbekit.solution.steady import SteadyState, steady_state
+from pbekit.solution.steady import NotReachedError, SteadyState, steady_state
+from pbekit.tables.counts import share_interval
 from pbekit.tables.kernel_table import AGGREGATION, UNRESOLVED, KernelTable
-
-LEVEL = 0.9
 
 
 class Drawn(Protocol):
     """What draws are made of: a `Closure`, or two (`between.Between`)."""
 
-    def balance(self, rng: np.random.Generator | None = None) -> PopulationBalance: ...
+    def balance(
+        self, rng: np.random.Generator | None = None, scheme: str = "fixed pivot"
+    ) -> PopulationBalance: ...
 
 
 def draws_of(
@@ -39,13 +39,14 @@ def draws_of(
     draws: int,
     seed: int = 0,
     progress: Callable[[int], None] | None = None,
+    scheme: str = "fixed pivot",
 ) -> xr.Dataset:
     """`output` of posterior draws, stacked along `draw`; a draw that cannot be solved is an error, not left out."""
-    whole_number("draws", draws, 1, 10**6)
+    whole_number("draws", draws, 1, MOST_DRAWS)
     whole_number("seed", seed, 0, LARGEST_SEED)
     rows = []
     for k in range(draws):
-        rows.append(output(closure.balance(np.random.default_rng([seed, k]))))
+        rows.append(output(closure.balance(np.random.default_rng([seed, k]), scheme)))
         if progress is not None:
             progress(k + 1)
     names = rows[0].keys()
@@ -56,19 +57,47 @@ def draws_of(
 
 
 def band(draws: np.ndarray, level: float = LEVEL, axis: int = 0) -> np.ndarray:
-    """(2, ...) quantiles that hold the middle `level` of the draws."""
-    number("level", level, 0.0, 1.0)
-    tail = 0.5 * (1 - level)
-    return np.quantile(draws, [tail, 1 - tail], axis=axis)
+    """(2, ...) limits that hold the middle `level` of the draws; a further draw lies between them as often.
+
+    Raises `PBEError` for fewer draws than `least_draws`.
+    """
+    number("level", level, 0.0, 0.9999)
+    draws = np.asarray(draws, float)
+    if draws.shape[axis] < least_draws(level):
+        raise PBEError(
+            f"draws: got {draws.shape[axis]}, expected {least_draws(level)} or more, the fewest that a {100 * level:g} % band "
+            "can be read from"
+        )
+    ordered = np.sort(np.moveaxis(draws, axis, 0), axis=0)
+    limits = []
+    for tail in (0.5 * (1 - level), 0.5 * (1 + level)):
+        at = np.clip(tail * (len(ordered) + 1) - 1, 0, len(ordered) - 1)
+        below, above = ordered[int(at + 1e-9)], ordered[min(int(at + 1e-9) + 1, len(ordered) - 1)]
+        # A draw may be without limit: then so is what lies beside it.
+        step = np.where(above == below, 0.0, above - np.where(np.isinf(below), 0.0, below))
+        share = max(at - int(at + 1e-9), 0.0)
+        limits.append(below + share * step if share > 1e-9 else below)
+    return np.stack(limits)
 
 
 def steady_output(
     population: np.ndarray, volume_fraction_scale: float = 1.0, guess: np.ndarray | None = None
 ):
-    """An output for `draws_of`: the steady mean size, relative deviation and distribution reached from `population`."""
+    """An output for `draws_of`: the steady mean size, relative deviation and distribution reached from `population`.
+
+    A draw in which sizes grow without end counts as that, sizes inf: it belongs to what a table leaves open.
+    """
 
     def output(balance):
-        n = steady_state(balance, population * volume_fraction_scale, guess=guess).population
+        try:
+            n = steady_state(balance, population * volume_fraction_scale, guess=guess).population
+        except NotReachedError:
+            return {
+                "mean_size": np.inf,
+                "relative_deviation": np.inf,
+                "sauter_diameter": np.inf,
+                "share": np.zeros(balance.grid.sizes),
+            }
         return steady_summary(balance, n)
 
     return output
@@ -112,13 +141,11 @@ def course_output(population: np.ndarray, times: np.ndarray, share_from: float |
 
 
 def eta_11(table: KernelTable) -> tuple[float, float, float]:
-    """Efficiency of two primaries: share that aggregated, and its 90 % interval (Jeffreys)."""
+    """Efficiency of two primaries: share that aggregated, and its 90 % interval (Wilson); nan and 0 to 1 without any pair."""
     r = table.records
     pair = (r.size == 1).all(axis=1) & (r.outcome != UNRESOLVED)
     n, k = int(pair.sum()), int((r.outcome[pair] == AGGREGATION).sum())
-    tail = 0.5 * (1 - LEVEL)
-    posterior = stats.beta(k + 0.5, n - k + 0.5)
-    return (k / n if n else np.nan), float(posterior.ppf(tail)), float(posterior.ppf(1 - tail))
+    return (k / n if n else np.nan), *share_interval(k, n)
 
 
 def mean_size_gradient(balance: PopulationBalance, n: np.ndarray) -> np.ndarray:

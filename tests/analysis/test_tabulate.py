@@ -12,9 +12,10 @@ from typer.testing import CliRunner
 from mcdem.analysis.dataset import RunDataset
 from mcdem.commands.main import app
 from mcdem.errors import DataFileError, UserError
-from mcdem.kernel_tables import ROUND, Library, plan, records_of_run, tabulate
+from mcdem.kernel_tables import ROUND, Library, plan, records_of_run, steady_shares, tabulate
 from mcdem.monte_carlo import executors
 from mcdem.monte_carlo.process import run
+from pbekit.errors import PBEError
 from pbekit.tables.kernel_table import OUTCOMES, KernelTable, Records
 
 ENCOUNTER = synthetic.aggregation_and_breakup
@@ -138,6 +139,30 @@ def test_what_does_not_fit_is_refused(scene, dataset, tmp_path):
     assert (done.reused, done.designed) == (0, 20)
     with pytest.raises(UserError, match="expected one of"):
         make(scene, tmp_path / "s.nc", dataset, 0, shape="colour")
+    with pytest.raises(UserError, match=r"s\.csv: expected a name that ends in \.nc"):
+        make(scene, tmp_path / "s.csv", dataset, 0)
+
+
+def test_no_steady_size_is_told_where_nothing_broke(scene, tmp_path):
+    """Encounters that only join: the table is made, its steady <P> is not; designed encounters go on evenly."""
+    path = tmp_path / "run.nc"
+    run(scene, path, events=60, seed=5, encounter=synthetic.always_merge)
+    told = []
+    done = tabulate(
+        scene,
+        tmp_path / "k.nc",
+        [path],
+        encounters=40,
+        error=10.0,
+        encounter=synthetic.always_merge,
+        seed=3,
+        progress=told.append,
+    )
+    assert done.mean_size is None and done.error is None and done.designed == 40
+    assert "encounters broke an aggregate" in done.refusal and "mcdem run" in done.refusal
+    assert all(now.mean_size is None for now in told)
+    with pytest.raises(PBEError, match="no steady state"):
+        steady_shares(KernelTable.load(tmp_path / "k.nc"), scene.suspension.volume_fraction)
 
 
 def test_the_command_says_what_it_made(scene, dataset, tmp_path, monkeypatch):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -18,8 +20,11 @@ from pbekit import (
     PopulationBalance,
     Restructuring,
     TwoComponentGrid,
+    compare_table,
     integrate,
+    open_table,
     steady_state,
+    stress_law,
 )
 from pbekit.balance.breakage import BetaSplit, CriticalSize, PowerLawRate, SchulzZimm, TwoPeak, Uniform
 from pbekit.balance.efficiencies import VanDeVenMason
@@ -27,8 +32,9 @@ from pbekit.balance.encounters import PairRows
 from pbekit.balance.kernels import FractalRadius, ShearEncounter
 from pbekit.commands.main import app
 from pbekit.estimated_rates.closures import Closure, grid_for, start_of
-from pbekit.estimated_rates.stress_interpolation import between
+from pbekit.estimated_rates.stress_interpolation import between, common_grid
 from pbekit.solution.finite_population import population_course
+from pbekit.study import solve_table
 from pbekit.study.uncertainty import band, draws_of
 from pbekit.tables.kernel_table import KernelTable
 
@@ -40,13 +46,14 @@ TIMES = np.linspace(0.0, 1.0, 3)
 SHAPED = GRID.with_shapes([1, 2, 3])
 
 
-def table() -> KernelTable:
+def table(largest: int, **about) -> KernelTable:
     rng = np.random.default_rng(1)
-    size = rng.integers(1, 8, (300, 2))
-    return KernelTable.of(encounters(rng, size, np.ones((300, 2))), RADIUS, SHEAR_RATE, shapes=1)
+    size = rng.integers(1, largest + 1, (300, 2))
+    return KernelTable.of(encounters(rng, size, np.ones((300, 2))), RADIUS, SHEAR_RATE, shapes=1, about=about)
 
 
-TABLE = table()
+TABLE = table(7)
+NARROW, WIDER = table(7, viscosity=1.0), table(11, viscosity=2.0)
 
 
 def with_kernel(kernel):
@@ -135,6 +142,21 @@ REFUSED = {
     "no draws": (lambda: draws_of(Closure(TABLE, GRID), dict, 0), "draws = 0"),
     "a negative seed": (lambda: draws_of(Closure(TABLE, GRID), dict, 2, seed=-1), "seed = -1"),
     "level beyond one": (lambda: band(np.ones(3), 2.0), "level = 2.0"),
+    "too few draws over stresses": (lambda: stress_law([TABLE, TABLE], 18), "draws = 18: expected 19 to 1000000"),
+    "too few draws beside a run": (lambda: compare_table(TABLE, None, 18), "draws = 18: expected 19 to 1000000"),
+    "comparison until never": (lambda: compare_table(TABLE, None, until=np.inf), "until = inf: expected a time above 0"),
+    "solving a number": (lambda: solve_table(3), "table: got 3, expected a KernelTable, its file, or several"),
+    "opening a number": (lambda: open_table(3), "table: got 3, expected the file of one"),
+    "solving several numbers": (lambda: solve_table([3, 4]), "table: got 3, expected the file of one"),
+    "solving nothing": (lambda: solve_table([]), r"table: got \[\], expected a KernelTable"),
+    "solving until never": (lambda: solve_table(TABLE, until=np.nan), "until = nan: expected a time above 0"),
+    "solving with Euler": (lambda: solve_table(TABLE, method="Euler"), "method = 'Euler': expected one of LSODA"),
+    "solving by a scheme": (lambda: solve_table(TABLE, scheme="best"), "scheme = 'best': expected one of fixed pivot"),
+    "solving with one draw": (lambda: solve_table(TABLE, draws=1), r"draws = 1: expected 0 \(no bands\) or 19"),
+    "solving with a negative seed": (lambda: solve_table(TABLE, seed=-1), "seed = -1: expected a whole number"),
+    "solving with half a sample": (lambda: solve_table(TABLE, samples=2.5), "samples = 2.5: expected a whole number"),
+    "solving with what is no option": (lambda: solve_table(TABLE, step=1), "step: no option of solve_table, expected one of"),
+    "largest below what one of two saw": (lambda: common_grid([NARROW, WIDER], largest=8), "largest = 8: expected at least 11"),
     "finite population of no fraction": (lambda: population_course(Closure(TABLE, GRID), 0.0, TIMES), "volume fraction = 0.0"),
     "finite population backwards": (lambda: population_course(Closure(TABLE, GRID), 1e-4, [1.0, 0.0]), "times must be 0 or more"),
 }  # fmt: skip
@@ -152,6 +174,19 @@ def test_a_number_of_numpy_and_one_event_are_taken():
     for kernel in (np.float64(1.0), np.int64(1), 1):
         one = PopulationBalance(GRID, Aggregation(kernel))
         np.testing.assert_array_equal(one.rhs(0.0, one.state(START)), OPEN.rhs(0.0, OPEN.state(START)))
+
+
+def test_public_names_are_what_they_say_whatever_files_are_called():
+    """`solve_table` and `efficiencies` are functions, and files, too; names come when they are first used."""
+    program = (
+        "import sys, pbekit\n"
+        "assert not {'numpy', 'xarray'} & set(sys.modules)\n"
+        "import pbekit.commands.main, pbekit.balance.efficiencies, pbekit.study.solve_table, pbekit.commands.telling\n"
+        "print([name for name in pbekit.__all__ if not callable(getattr(pbekit, name))])\n"
+        "print(set(pbekit.__all__) ^ set(pbekit._HOME), pbekit.compare_table.__module__)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\nset() pbekit.study.compare\n"
 
 
 def test_a_largest_size_is_the_grids():
@@ -179,6 +214,7 @@ OPTIONS = {
     "--seed 99999999999999999999": "--seed",
     "--exact-to 1000000": "--exact-to",
     "--draws -1": "--draws",
+    "--draws 18": "--draws 18: expected 0 (no bands) or 19 to 1000000; 19 are the fewest",
     "--samples 1": "--samples",
 }
 
@@ -192,6 +228,26 @@ def test_options_that_cannot_be_meant_are_refused(option, kernels, tmp_path):
         OPTIONS[option] in " ".join(done.output.replace("│", " ").split()) and "Traceback" not in done.output
     )
     assert not out.exists()
+
+
+@pytest.mark.parametrize("place", ["taken", "taken/below"])
+@pytest.mark.parametrize("command", ["compare", "stresses"])
+def test_a_file_where_a_folder_is_asked_for_is_told_in_a_line(command, place, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.nc", "b.nc"):
+        table(7, viscosity=1.0, volume_fraction=1e-4).save(tmp_path / name)
+    (tmp_path / "taken").write_text("mine")
+    done = CliRunner().invoke(app, [command, "a.nc", "b.nc", "-o", place])
+    assert done.exit_code == 2, done.output
+    assert done.output.startswith(f"error: {place}: cannot be made a folder") and done.output.count("\n") == 1
+    assert (tmp_path / "taken").read_text() == "mine"
+
+
+@pytest.mark.parametrize("command", ["compare", "stresses"])
+def test_the_least_draws_of_a_command_are_those_of_a_band(command, kernels, tmp_path):
+    done = CliRunner().invoke(app, [command, str(kernels), "-o", str(tmp_path / "out"), "--draws", "18"])
+    assert done.exit_code == 2 and "greater than or equal to 19" in done.output
+    assert not (tmp_path / "out").exists()
 
 
 def test_what_is_not_taken_as_given_is_said(kernels, tmp_path):
