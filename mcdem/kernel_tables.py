@@ -36,7 +36,7 @@ from mcdem.quantities.random_streams import checked, stream
 from mcdem.scene import Scene
 from pbekit import endings
 from pbekit.errors import PBEError
-from pbekit.estimated_rates.closures import Closure, grid_for
+from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for
 from pbekit.outputs import TABLE
 from pbekit.solution.steady import NotReachedError, steady_state
 from pbekit.study.evidence import Evidence, counted, judged
@@ -215,19 +215,19 @@ def _shares(
     table: KernelTable, volume_fraction: float
 ) -> tuple[float | None, VarianceShares | None, Evidence]:
     """Steady <P> and variance shares, None where sizes only grow; and whether encounters that were seen bear them."""
-    closure = Closure(table, grid_for(table))
-    evidence = counted(closure)
+    estimated = EstimatedRates(table, grid_for(table))
+    evidence = counted(estimated)
     if evidence.breakups == 0:
         return None, None, evidence
     number = volume_fraction / (4 / 3 * np.pi * table.radius**3)
     try:
-        steady = steady_state(closure.mean, closure.grid.monodisperse(number))
+        steady = steady_state(estimated.mean, estimated.grid.monodisperse(number))
     except NotReachedError:
         return None, None, replace(evidence, moved=np.inf)
-    gradient = mean_size_gradient(closure.mean, steady.population)
-    shares = variance_shares(closure, steady, gradient)
+    gradient = mean_size_gradient(estimated.mean, steady.population)
+    shares = variance_shares(estimated, steady, gradient)
     if evidence.holds:
-        evidence = judged(closure, steady)
+        evidence = judged(estimated, steady)
     return number / float(steady.population.sum()), shares, evidence
 
 

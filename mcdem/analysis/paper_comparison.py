@@ -32,8 +32,7 @@ from mcdem.analysis.statistics import (
     share,
     share_of_origins,
 )
-from mcdem.encounter.capture_efficiency import initial_growth
-from mcdem.figures.growth import van_de_ven_mason
+from mcdem.encounter.capture_efficiency import initial_growth, van_de_ven_mason
 
 RULE = (
     "agrees: the paper's value, with half a unit of its last digit, or its range, meets this run's 95 % limits; "
@@ -110,7 +109,7 @@ def _efficiency(runs: Sequence[RunDataset]) -> Row:
         monomers = (run.events["parent_size"].values == 1).all(axis=1)
         pairs += int(monomers.sum())
         hits += int((monomers & (run.outcome == "aggregation")).sum())
-    value = van_de_ven_mason(runs[0])
+    value = van_de_ven_mason(runs[0].scene)
     return Row(
         "collision efficiency η₁₁ (Eq. 23)",
         f"{value:.3f}",
@@ -140,7 +139,7 @@ def _slope(runs: Sequence[RunDataset], low: float, high: float) -> tuple[float, 
 
 def _growth(runs: Sequence[RunDataset], stress: float) -> Iterator[Row]:
     """The start of <P>(t) against Eq. 22, and whether growth accelerates."""
-    law = initial_growth(runs[0].scene, van_de_ven_mason(runs[0]))
+    law = initial_growth(runs[0].scene, van_de_ven_mason(runs[0].scene))
     start, events = _slope(runs, 1.0, 1.25)
     few, many = (float(limit) / events if events else np.nan for limit in count_limits(events))
     yield Row(

@@ -32,6 +32,7 @@ __all__ = [
     "Kernels",
     "PairForce",
     "Resistance",
+    "non_contact_force",
 ]
 
 MENU = (

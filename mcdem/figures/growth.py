@@ -85,7 +85,9 @@ def _lines(axes, numbers: xr.Dataset, name: str) -> None:
 def with_initial_trend(numbers: xr.Dataset, run: RunDataset) -> xr.Dataset:
     """Add the start of a run and the slopes of Eq. 22 with the paper's eta_11 (Eq. 23) and with the computed one."""
     printed = paper.COLLISION_EFFICIENCY.items()
-    efficiency = next((v for s, v in printed if paper.holds_for(run.scene, s)), van_de_ven_mason(run))
+    efficiency = next(
+        (v for s, v in printed if paper.holds_for(run.scene, s)), capture.van_de_ven_mason(run.scene)
+    )
     slope = capture.initial_growth(run.scene, efficiency)
     computed = capture.initial_growth(run.scene, computed_efficiency(run.scene))
     early = run.time <= initial_stretch(run)
@@ -98,11 +100,6 @@ def with_initial_trend(numbers: xr.Dataset, run: RunDataset) -> xr.Dataset:
         computed, (), "1/s", "d<P>/dt of Eq. 22 with eta_11 of the scene's encounters"
     )
     return numbers
-
-
-def van_de_ven_mason(run: RunDataset) -> float:
-    """eta_11 of Eq. 23 with f = 0.95 (van de Ven & Mason 1977); NaN without van der Waals attraction."""
-    return capture.van_de_ven_mason(run.scene)
 
 
 @cache

@@ -18,9 +18,9 @@ from mcdem.analysis.dataset import FEW_BREAKUPS, RunDataset
 from mcdem.analysis.paper_comparison import RULE, compare
 from mcdem.analysis.statistics import STEADY_TEST, share
 from mcdem.effects.sums import contact_equilibrium
+from mcdem.encounter.capture_efficiency import van_de_ven_mason
 from mcdem.errors import UserError
 from mcdem.figures import figures_of
-from mcdem.figures.growth import van_de_ven_mason
 from mcdem.figures.outcomes import pull_off_force
 from mcdem.figures.style import look
 from mcdem.netcdf.whole_files import FILES
@@ -72,7 +72,7 @@ def dimensionless_groups(run: RunDataset) -> list[tuple[str, str, float]]:
         number = attraction.number(stress, a)
         groups.append(("C_A = A_H/36πμγ̇a³", "van der Waals attraction against viscous force", number))
         groups.append(
-            ("η₁₁", "0.95 C_A^0.18, efficiency of monomer collisions (Eq. 23)", van_de_ven_mason(run))
+            ("η₁₁", "0.95 C_A^0.18, efficiency of monomer collisions (Eq. 23)", van_de_ven_mason(run.scene))
         )
         groups.append(("ℓ₀/a", "least approach", attraction.minimum_approach / a))
     return groups

@@ -251,7 +251,7 @@ def compare(
         for file, table, run in zip(kernels, tables, own, strict=True):
             kept = f"{output} holds the figures of the tables before it; the same command begins again"
             with _Bar(f"pbekit compare {file.name}") as bar, endings.keeping(kept):
-                result = comparing.compare(table, run, draws, until, seed, bar)
+                result = comparing.compare_table(table, run, draws, until, seed, bar)
             left_out = figures.draw_comparison(result, output / file.name.removesuffix(".nc"))
             if run is not None and run.is_steady:
                 seen[float(table.about.get("shear_stress", float("nan")))] = run.steady["mean_size"]

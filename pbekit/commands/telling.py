@@ -11,7 +11,7 @@ import xarray as xr
 
 from pbekit.arguments import DILUTE, LEVEL
 from pbekit.errors import PBEError
-from pbekit.estimated_rates.closures import Closure, grid_for, start_of
+from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
 from pbekit.outputs import FILES, SOLUTION
 from pbekit.study.compare import Comparison
 from pbekit.study.evidence import MOST_EXTRAPOLATED, supported_steady_state
@@ -231,14 +231,14 @@ def table_in_words(table: KernelTable, largest: int = 10) -> str:
         if np.isnan(numbers["eta_11"])
         else f"eta_11 = {with_band(numbers, 'eta_11')}"
     )
-    closure = Closure(table, grid_for(table))
-    steady, evidence = supported_steady_state(closure, start_of(closure.grid, table))
+    estimated = EstimatedRates(table, grid_for(table))
+    steady, evidence = supported_steady_state(estimated, start_of(estimated.grid, table))
     lines.append(f"broke: {share_in_words(evidence.breakups, evidence.encounters)}")
     if steady is None:
         lines.append(evidence.refusal(table))
         return "\n  ".join(lines)
-    shares = variance_shares(closure, steady, mean_size_gradient(closure.mean, steady.population))
-    mean = steady.population @ closure.grid.mass / steady.population.sum()
+    shares = variance_shares(estimated, steady, mean_size_gradient(estimated.mean, steady.population))
+    mean = steady.population @ estimated.grid.mass / steady.population.sum()
     lines.append(f"steady <P> = {mean:.4g}, standard error {shares.deviation:.2g}; shares of its variance:")
     lines += [
         f"  {100 * share:5.1f} %  {name} ({trials} trials)" for name, share, trials in shares.largest(largest)

@@ -18,16 +18,16 @@ from pbekit.balance.encounters import ShapeMemory
 from pbekit.balance.grid import Grid
 from pbekit.balance.population_balance import PopulationBalance
 from pbekit.errors import PBEError
-from pbekit.estimated_rates.closures import Closure, Rates, extrapolated_shares, grid_for
+from pbekit.estimated_rates.estimated_rates import EstimatedRates, Rates, extrapolated_shares, grid_for
 from pbekit.tables.kernel_table import KernelTable
 
 
-class Between:
-    """Two tables as one at a stress between theirs; what `Closure` is for one table.
+class InterpolatedRates:
+    """Two tables as one at a stress between theirs; what `EstimatedRates` is for one table.
 
     stress : [Pa], from the lower table's to the upper's
     grid : sizes to twice the largest seen in either, shapes of the lower's classes, unless given
-    outcomes : as of `Closure`
+    outcomes : as of `EstimatedRates`
 
     Raises `PBEError` where the tables say no stress, or not one below and one above, or differ in more than viscosity and
     aggregates.
@@ -43,19 +43,19 @@ class Between:
     ) -> None:
         _check(lower, upper, stress)
         grid = common_grid([lower, upper]) if grid is None else grid
-        self._set(Closure(lower, grid, outcomes), Closure(upper, grid, outcomes), stress)
+        self._set(EstimatedRates(lower, grid, outcomes), EstimatedRates(upper, grid, outcomes), stress)
 
     @classmethod
-    def of(cls, lower: Closure, upper: Closure, stress: float) -> Between:
+    def of(cls, lower: EstimatedRates, upper: EstimatedRates, stress: float) -> InterpolatedRates:
         """Of two tables that are on one grid already."""
         _check(lower.table, upper.table, stress)
         found = cls.__new__(cls)
         found._set(lower, upper, stress)
         return found
 
-    def _set(self, lower: Closure, upper: Closure, stress: float) -> None:
+    def _set(self, lower: EstimatedRates, upper: EstimatedRates, stress: float) -> None:
         low, high = stress_of(lower.table), stress_of(upper.table)
-        self.grid, self.stress, self.closures = lower.grid, stress, (lower, upper)
+        self.grid, self.stress, self.of_tables = lower.grid, stress, (lower, upper)
         self.weight = float(np.log(stress / low) / np.log(high / low))
         """Of the upper table."""
 
@@ -69,14 +69,14 @@ class Between:
         self, rng: np.random.Generator | None = None, scheme: str = "fixed pivot"
     ) -> PopulationBalance:
         """The mean balance, or a draw of it."""
-        lower, upper = self.closures
+        lower, upper = self.of_tables
         mixed = self.mean_rates if rng is None else mix(lower.rates(rng), upper.rates(rng), self.weight)
         return mixed.balance(self.grid, lower.partner_start, scheme, lower.edge)
 
     @property
     def unresolved(self) -> float:
         """Share of the encounters that were left unresolved, the larger of the two tables'."""
-        return max(closure.unresolved for closure in self.closures)
+        return max(estimated.unresolved for estimated in self.of_tables)
 
     @cached_property
     def mean(self) -> PopulationBalance:
@@ -86,32 +86,32 @@ class Between:
     @cached_property
     def mean_rates(self) -> Rates:
         """Rates with weights of one."""
-        lower, upper = self.closures
+        lower, upper = self.of_tables
         return mix(lower.mean_rates, upper.mean_rates, self.weight)
 
     @property
     def tables(self) -> tuple[KernelTable, KernelTable]:
         """The table below and the one above."""
-        lower, upper = self.closures
+        lower, upper = self.of_tables
         return lower.table, upper.table
 
-    def on(self, grid: Grid) -> Between:
+    def on(self, grid: Grid) -> InterpolatedRates:
         """The same tables on another grid."""
-        lower, upper = self.closures
-        return Between.of(lower.on(grid), upper.on(grid), self.stress)
+        lower, upper = self.of_tables
+        return InterpolatedRates.of(lower.on(grid), upper.on(grid), self.stress)
 
     def extrapolated_changes(self, population: np.ndarray) -> tuple[float, float]:
-        """As `Closure.extrapolated_changes`, of pairs of classes that neither table sampled.
+        """As `EstimatedRates.extrapolated_changes`, of pairs of classes that neither table sampled.
 
         What one table alone lacks is part of the error of interpolation, which tables left out tell.
         """
-        lower, upper = self.closures
+        lower, upper = self.of_tables
         changes = self.mean_rates.size_changes * np.outer(population, population)
         return extrapolated_shares(changes, self.grid.mass, lower.extrapolated & upper.extrapolated)
 
     def missing_pairs(self, population: np.ndarray) -> list[tuple[str, float, int]]:
-        """Those of the table that lacks more (`Closure.missing_pairs`)."""
-        lacking = max(self.closures, key=lambda closure: closure.extrapolated_changes(population)[1])
+        """Those of the table that lacks more (`EstimatedRates.missing_pairs`)."""
+        lacking = max(self.of_tables, key=lambda estimated: estimated.extrapolated_changes(population)[1])
         return lacking.missing_pairs(population)
 
 
@@ -148,9 +148,9 @@ def stress_of(table: KernelTable) -> float:
     return float(table.about["viscosity"]) * table.shear_rate
 
 
-def between(
+def interpolate(
     tables: Sequence[KernelTable], stress: float, grid: Grid | None = None, outcomes: str = "table"
-) -> Between:
+) -> InterpolatedRates:
     """The balance at `stress` [Pa] from the nearest of the tables below and above it; raises `PBEError` without them."""
     number("stress", stress, 1e-12, 1e12, "a shear stress in Pa")
     known = sorted(tables, key=stress_of)
@@ -161,7 +161,7 @@ def between(
         raise PBEError(
             f"stress = {stress:g} Pa: expected one between two of the tables' ({told} Pa); beyond them nothing is known"
         )
-    return Between(lower[-1], upper[0], stress, grid, outcomes)
+    return InterpolatedRates(lower[-1], upper[0], stress, grid, outcomes)
 
 
 def mix(lower: Rates, upper: Rates, weight: float) -> Rates:

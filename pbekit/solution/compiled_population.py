@@ -1,4 +1,4 @@
-"""A finite population, compiled: encounters drawn one at a time with the rates of a closure.
+"""A finite population, compiled: encounters drawn one at a time with the estimated rates.
 
 All kernels of it stand in this file, and call nothing outside it, so numba's own cache check sees every edit.
 """
@@ -12,7 +12,7 @@ from numba import njit
 
 
 class Lookup(NamedTuple):
-    """What a finite population needs to know of a closure.
+    """What a finite population needs to know of estimated rates.
 
     cell (largest + 1, shapes + 1): cell of a size and shape (last column: the one of sizes with one shape)
     moments (3, K): of R; outcome (K, K, 2): probability to survive, to survive or join
@@ -86,7 +86,7 @@ def _shaped(lookup, rows, size, rng):
 
 @njit(cache=True)
 def finite_population(lookup, population, times, rng, samples):
-    """Event-driven Monte Carlo on a closure: the balance's own rates in a finite, doubling population.
+    """Event-driven Monte Carlo on estimated rates: the balance's own rates in a finite, doubling population.
 
     times (t,) [s] at which `samples` are taken; sizes and shapes of `population` are changed.  Returns the number of encounters.
     """

@@ -1,4 +1,4 @@
-"""A closure's rates in a finite population: what the balance leaves out by averaging over infinitely many.
+"""A estimated's rates in a finite population: what the balance leaves out by averaging over infinitely many.
 
 The same encounters, outcomes, fragments and shapes as in the balance, drawn one at a time for a sample of some hundred
 aggregates that is doubled when it has become small, as in the Monte Carlo the table came from.  Its mean over replicas
@@ -15,12 +15,12 @@ import xarray as xr
 from pbekit import arguments
 from pbekit.balance.encounters import ShapeMemory
 from pbekit.errors import PBEError
-from pbekit.estimated_rates.closures import SURVIVE, Closure
+from pbekit.estimated_rates.estimated_rates import SURVIVE, EstimatedRates
 from pbekit.solution import compiled_population
 
 
 def population_course(
-    closure: Closure,
+    estimated: EstimatedRates,
     volume_fraction: float,
     times: np.ndarray,
     *,
@@ -35,7 +35,7 @@ def population_course(
 ) -> xr.Dataset:
     """<P>, sigma_P, d32 over time of each replica, and sizes counted from `steady_from` [s] on (the last 40 % by default).
 
-    drawn : each replica follows its own posterior draw of the closure, so that their spread is that of one run to come:
+    drawn : each replica follows its own posterior draw of the estimated rates, so that their spread is that of one run to come:
         what the table leaves open and what a finite population scatters, together
     """
     arguments.volume_fraction(volume_fraction)
@@ -47,15 +47,15 @@ def population_course(
     arguments.whole_number("replicas", replicas, 1, 10**6)
     arguments.whole_number("largest", largest, 1, 10**7)
     arguments.whole_number("seed", seed, 0, arguments.LARGEST_SEED)
-    lookup = None if drawn else _lookup(closure, largest)
-    volume = initial * 4 / 3 * np.pi * closure.table.radius**3 / volume_fraction
+    lookup = None if drawn else _lookup(estimated, largest)
+    volume = initial * 4 / 3 * np.pi * estimated.table.radius**3 / volume_fraction
     since = 0.6 * times[-1] if steady_from is None else steady_from
     series = np.zeros((replicas, times.size, 6))
     counted = np.zeros((replicas, largest + 1))
-    shapes = closure.grid.shapes
+    shapes = estimated.grid.shapes
     for r in range(replicas):
         if drawn:
-            lookup = _lookup(closure, largest, np.random.default_rng([seed, r, 1]))
+            lookup = _lookup(estimated, largest, np.random.default_rng([seed, r, 1]))
         sizes, shape = np.ones(64 * initial, np.int64), np.full(64 * initial, shapes, np.int64)
         keep = int(np.ceil(doubling_below * initial))
         compiled_population.finite_population(
@@ -89,10 +89,10 @@ def population_course(
 
 
 def _lookup(
-    closure: Closure, largest: int, rng: np.random.Generator | None = None
+    estimated: EstimatedRates, largest: int, rng: np.random.Generator | None = None
 ) -> compiled_population.Lookup:
-    grid, table = closure.grid, closure.table
-    weight = closure.weights(rng)
+    grid, table = estimated.grid, estimated.table
+    weight = estimated.weights(rng)
     nearest_size = np.abs(
         np.log(np.maximum(np.arange(largest + 1), 1))[:, None] - np.log(grid.pivots)[None]
     ).argmin(axis=1)
@@ -104,24 +104,24 @@ def _lookup(
         cell[:, s] = first[nearest_size] + np.minimum(s, count[nearest_size] - 1)
     cell[:, shapes] = first[nearest_size]
 
-    p = closure.probabilities(weight, rng)
-    p = p if closure.smooth else p[closure.cell_pair]
+    p = estimated.probabilities(weight, rng)
+    p = p if estimated.smooth else p[estimated.cell_pair]
     share_join = np.ones((1, grid.cells))
     share_scatter = np.ones(grid.cells)
     kept = np.ones((1, grid.cells, 1))
     if shapes > 1:
-        joined, share_scatter = closure.shapes_of_products(weight, rng)
+        joined, share_scatter = estimated.shapes_of_products(weight, rng)
         share_join = joined.shares if isinstance(joined, ShapeMemory) else joined[None]
-        kept = closure.transitions(weight, rng)
+        kept = estimated.transitions(weight, rng)
     cumulate = lambda rows: np.stack([_by_size(r, grid) for r in np.atleast_2d(rows)])
-    if closure.scattered.size:
-        near = closure._fragment_norm
-        cumulative = near.data * weight[closure.scattered][near.indices]
+    if estimated.scattered.size:
+        near = estimated._fragment_norm
+        cumulative = near.data * weight[estimated.scattered][near.indices]
         for a, b in zip(near.indptr[:-1], near.indptr[1:], strict=True):
             cumulative[a:b] = np.cumsum(cumulative[a:b]) / cumulative[a:b].sum()
-        r = closure.records
-        products = r.products[closure.scattered]
-        start = np.concatenate([[0], np.cumsum(r.products)])[closure.scattered]
+        r = estimated.records
+        products = r.products[estimated.scattered]
+        start = np.concatenate([[0], np.cumsum(r.products)])[estimated.scattered]
         rows = np.concatenate([np.arange(a, a + n) for a, n in zip(start, products, strict=True)])
         near_start, near_event = near.indptr.astype(np.int64), near.indices.astype(np.int64)
         event_start, event_size = np.concatenate([[0], np.cumsum(products)]), r.product_size[rows]
@@ -131,7 +131,7 @@ def _lookup(
         event_start, event_size = np.array([0, 2]), np.array([5, 5])
     return compiled_population.Lookup(
         cell,
-        closure.radius_moments(weight),
+        estimated.radius_moments(weight),
         np.ascontiguousarray(np.cumsum(p, axis=-1)[..., : SURVIVE + 2]),
         nearest_size.astype(np.int64),
         near_start,
@@ -142,7 +142,7 @@ def _lookup(
         cumulate(share_join),
         _by_size(share_scatter, grid),
         np.cumsum(kept, axis=2),
-        (np.searchsorted(closure.partner_start, np.arange(grid.cells), side="right") - 1).astype(np.int64),
+        (np.searchsorted(estimated.partner_start, np.arange(grid.cells), side="right") - 1).astype(np.int64),
         grid.shape_of_cell.astype(np.int64),
         first[grid.size_of_cell].astype(np.int64),
         4 / 3 * table.shear_rate,

@@ -1,1 +1,5 @@
 """Comparison with Monte Carlo and analytical laws, ablation, uncertainty, dependence on stress."""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

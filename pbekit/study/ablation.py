@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from pbekit.balance.population_balance import PopulationBalance
-from pbekit.estimated_rates.closures import Closure, grid_for, start_of
+from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
 from pbekit.solution.finite_population import population_course
 from pbekit.solution.solve import integrate
 from pbekit.study.evidence import supported_steady_state
@@ -18,43 +18,51 @@ from pbekit.tables.kernel_table import KernelTable, size_classes, size_ratio
 SUMMARY = ("mean_size", "relative_deviation", "sauter_diameter")
 
 
-def switches(table: KernelTable) -> Iterator[tuple[str, Callable[[], Closure], str]]:
-    """(name, closure, scheme): one assumption of the balance changed in each."""
+def switches(table: KernelTable) -> Iterator[tuple[str, Callable[[], EstimatedRates], str]]:
+    """(name, estimated, scheme): one assumption of the balance changed in each."""
     ratio = size_ratio(len(table.records))
 
     def reclassed(other):
         edges = size_classes(int(table.records.size.max()), other)
         finer = _classed(table, edges, table.shape_edges, table.shape_name)
-        return Closure(finer, grid_for(finer))
+        return EstimatedRates(finer, grid_for(finer))
 
     def reshaped(shapes, shape_name):
         edges = KernelTable.of(
             table.records, table.radius, table.shear_rate, shapes=shapes, shape_name=shape_name
         ).shape_edges
         other = _classed(table, table.size_edges, edges, shape_name)
-        return Closure(other, grid_for(other))
+        return EstimatedRates(other, grid_for(other))
 
-    yield "as tabulated", lambda: Closure(table, grid_for(table)), "fixed pivot"
+    yield "as tabulated", lambda: EstimatedRates(table, grid_for(table)), "fixed pivot"
     if table.shape_edges is not None:
         yield (
             "products forget the parents' shape",
-            lambda: Closure(table, grid_for(table), memory=False),
+            lambda: EstimatedRates(table, grid_for(table), memory=False),
             "fixed pivot",
         )
         twice = 2 * table.shapes
         yield f"{twice} classes of shape", lambda: reshaped(twice, table.shape_name), "fixed pivot"
         other = "outer radius" if table.shape_name != "outer radius" else "aspect ratio"
         yield f"shapes told apart by {other}", lambda: reshaped(table.shapes, other), "fixed pivot"
-        yield "one mean shape per size", lambda: Closure(table, grid_for(table, shapes=None)), "fixed pivot"
-    yield "outcomes by the fitted law alone", lambda: Closure(table, grid_for(table), "smooth"), "fixed pivot"
+        yield (
+            "one mean shape per size",
+            lambda: EstimatedRates(table, grid_for(table, shapes=None)),
+            "fixed pivot",
+        )
+    yield (
+        "outcomes by the fitted law alone",
+        lambda: EstimatedRates(table, grid_for(table), "smooth"),
+        "fixed pivot",
+    )
     yield "size classes half as wide", lambda: reclassed(ratio**0.5), "fixed pivot"
     yield "size classes twice as wide", lambda: reclassed(ratio**2), "fixed pivot"
-    yield "exact sizes to 48", lambda: Closure(table, grid_for(table, exact_to=48)), "fixed pivot"
-    yield "cell average", lambda: Closure(table, grid_for(table)), "cell average"
+    yield "exact sizes to 48", lambda: EstimatedRates(table, grid_for(table, exact_to=48)), "fixed pivot"
+    yield "cell average", lambda: EstimatedRates(table, grid_for(table)), "cell average"
     designed = table.records.source == 1
     if designed.any() and not designed.all():
         only = table.with_records(table.records.select(~designed))
-        yield "the run's encounters alone", lambda: Closure(only, grid_for(only)), "fixed pivot"
+        yield "the run's encounters alone", lambda: EstimatedRates(only, grid_for(only)), "fixed pivot"
 
 
 def _classed(table: KernelTable, size_edges, shape_edges, shape_name: str) -> KernelTable:
@@ -92,10 +100,10 @@ def switch_table(
     names, rows = [], []
     off = lambda share: np.nan if counted is None else distance(to_32(share), to_32(counted[1:]))
     for name, make, scheme in switches(table):
-        closure = make()
-        balance = closure.balance(scheme=scheme)
-        start = start_of(closure.grid, table)
-        steady, _ = supported_steady_state(closure, start, scheme=scheme)
+        estimated = make()
+        balance = estimated.balance(scheme=scheme)
+        start = start_of(estimated.grid, table)
+        steady, _ = supported_steady_state(estimated, start, scheme=scheme)
         found = (
             dict.fromkeys(SUMMARY, np.nan) if steady is None else steady_summary(balance, steady.population)
         )
@@ -104,16 +112,16 @@ def switch_table(
         rows.append(
             [float(found[key]) for key in SUMMARY] + [float(then["mean_size"][-1]), off(then["late_share"])]
         )
-    closure = Closure(table, grid_for(table))
+    estimated = EstimatedRates(table, grid_for(table))
     phi = float(table.about["volume_fraction"])
     early = population_course(
-        closure, phi, times, initial=initial, replicas=4 * replicas, steady_from=late
+        estimated, phi, times, initial=initial, replicas=4 * replicas, steady_from=late
     ).mean("replica")
     names.append(f"a finite population of {initial}")
     values = [np.nan] * len(SUMMARY)
     if duration is not None:
         settled = population_course(
-            closure, phi, np.linspace(0, duration, 101), initial=initial, replicas=replicas
+            estimated, phi, np.linspace(0, duration, 101), initial=initial, replicas=replicas
         ).isel(time=slice(60, None))
         deviation = (settled.size_deviation / settled.mean_size).mean()
         values = [float(v) for v in (settled.mean_size.mean(), deviation, settled.sauter_diameter.mean())]

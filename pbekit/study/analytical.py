@@ -13,7 +13,7 @@ from pbekit.balance.encounters import Aggregation, Breakage, Event
 from pbekit.balance.grid import Grid
 from pbekit.balance.population_balance import PopulationBalance
 from pbekit.errors import PBEError
-from pbekit.estimated_rates.closures import Closure, grid_for, start_of
+from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
 from pbekit.solution.steady import steady_state
 from pbekit.tables.kernel_table import KernelTable
 
@@ -79,7 +79,7 @@ class AnalyticalBalance:
 
 def tabulated_encounters(table: KernelTable) -> tuple[Grid, np.ndarray]:
     """Sizes with their mean radii, and the rate at which they meet (K, K) [m^3/s]."""
-    closure = Closure(table, grid_for(table, shapes=None))
-    weight = closure.weights(None)
-    grid = closure.grid.with_outer_radius(closure.radius_moments(weight)[0])
-    return grid, closure.encounter_rate(weight)
+    estimated = EstimatedRates(table, grid_for(table, shapes=None))
+    weight = estimated.weights(None)
+    grid = estimated.grid.with_outer_radius(estimated.radius_moments(weight)[0])
+    return grid, estimated.encounter_rate(weight)

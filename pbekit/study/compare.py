@@ -19,7 +19,7 @@ from pbekit import arguments
 from pbekit.arguments import LEVEL
 from pbekit.balance.grid import Grid
 from pbekit.errors import PBEError
-from pbekit.estimated_rates.closures import Closure, grid_for, start_of
+from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
 from pbekit.solution.finite_population import population_course
 from pbekit.solution.steady import SteadyState, steady_state
 from pbekit.study.ablation import SUMMARY, distance, settling_time, switch_table, to_32
@@ -79,7 +79,7 @@ def run_of_each(tables: Sequence[KernelTable], runs: Sequence[MonteCarlo]) -> li
     return [by_scene.get(scene) for scene in scenes]
 
 
-def compare(
+def compare_table(
     table: KernelTable,
     run: MonteCarlo | None,
     draws: int = 60,
@@ -110,11 +110,11 @@ def compare(
             raise PBEError("compare: without a run, say until when")
         until = float(run.time[-1])
     times = np.linspace(0.0, until, 121)
-    closure = Closure(table, grid_for(table))
-    start = start_of(closure.grid, table)
+    estimated = EstimatedRates(table, grid_for(table))
+    start = start_of(estimated.grid, table)
     tell("steady state", 0.05)
-    steady, evidence = supported_steady_state(closure, start)
-    mean = None if steady is None else steady_summary(closure.mean, steady.population)
+    steady, evidence = supported_steady_state(estimated, start)
+    mean = None if steady is None else steady_summary(estimated.mean, steady.population)
     late = (1 - STEADY_SHARE) * (until if run is None else min(until, float(run.time[-1])))
     both_course = course_output(start, times, share_from=late, rtol=1e-5)
     both_steady = None if steady is None else steady_output(start, guess=steady.population)
@@ -123,12 +123,12 @@ def compare(
         found = {f"course_{k}": v for k, v in both_course(balance).items()}
         return found if both_steady is None else found | dict(both_steady(balance))
 
-    centre = output(closure.mean)
-    drawn = draws_of(closure, output, draws, seed, lambda k: tell("draws", 0.05 + 0.5 * k / draws))
+    centre = output(estimated.mean)
+    drawn = draws_of(estimated, output, draws, seed, lambda k: tell("draws", 0.05 + 0.5 * k / draws))
     replica = None
     if run is not None:
         replica = population_course(
-            closure,
+            estimated,
             float(table.about["volume_fraction"]),
             times,
             initial=run.initial,
@@ -164,11 +164,11 @@ def compare(
         if run is not None and settled:
             numbers[f"{key}_monte_carlo"], numbers[f"{key}_monte_carlo_error"] = run.steady[key]
     numbers["eta_11"], numbers["eta_11_low"], numbers["eta_11_high"] = eta_11(table)
-    numbers["unresolved"] = closure.unresolved
+    numbers["unresolved"] = estimated.unresolved
     if steady is not None:
-        numbers["extrapolated_flux"] = closure.extrapolated_flux(steady.population)
-        numbers["extrapolated_mass"] = closure.extrapolated_changes(steady.population)[1]
-        numbers["edge_flux"] = closure.mean.edge_flux(steady.population)
+        numbers["extrapolated_flux"] = estimated.extrapolated_flux(steady.population)
+        numbers["extrapolated_mass"] = estimated.extrapolated_changes(steady.population)[1]
+        numbers["edge_flux"] = estimated.mean.edge_flux(steady.population)
     if run is not None:
         # At the end of the run, steady or not.
         low, high = band(drawn["course_mean_size"].values[:, -1])
@@ -182,7 +182,7 @@ def compare(
         for end in ("run_low", "run_high"):
             numbers[f"end_mean_size_{end}"] = float(data[f"mean_size_{end}"][1][-1])
 
-    grid = closure.grid
+    grid = estimated.grid
     width = np.diff(grid.edges)
     shares = _banded("late_density", centre["course_late_share"], drawn["course_late_share"].values, width)
     if mean is not None:
@@ -228,7 +228,7 @@ def compare(
     tell("switches", 0.8)
     duration = None
     if mean is not None:
-        duration = max(until, 1.5 * settling_time(closure.mean, start, float(mean["mean_size"])))
+        duration = max(until, 1.5 * settling_time(estimated.mean, start, float(mean["mean_size"])))
     switched = switch_table(
         table,
         run.initial if run is not None else 200,
@@ -273,15 +273,15 @@ def _on_grid(per_size: np.ndarray, grid: Grid) -> np.ndarray:
 
 def volume_fractions(table: KernelTable, mean_size: float, factors=(0.25, 0.5, 1.0, 2.0, 4.0)) -> xr.Dataset:
     """Steady <P> against volume fraction: tabulated (breakup on encounter) and analytical (first order)."""
-    closure = Closure(table, grid_for(table))
+    estimated = EstimatedRates(table, grid_for(table))
     phi = float(table.about["volume_fraction"]) * np.asarray(factors)
-    tabulated, first_order, laws, law_grid = [], [], None, closure.grid
+    tabulated, first_order, laws, law_grid = [], [], None, estimated.grid
     if "hamaker_constant" in table.about:
         analytical = AnalyticalBalance.fitted(table, mean_size)
         laws, law_grid = analytical.balance(), analytical.grid
     for value in phi:
-        n = steady_state(closure.mean, start_of(closure.grid, table, value)).population
-        tabulated.append(n @ closure.grid.mass / n.sum())
+        n = steady_state(estimated.mean, start_of(estimated.grid, table, value)).population
+        tabulated.append(n @ estimated.grid.mass / n.sum())
         if laws is not None:
             n = steady_state(laws, start_of(law_grid, table, value)).population
             first_order.append(n @ law_grid.mass / n.sum())

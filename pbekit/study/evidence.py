@@ -32,7 +32,7 @@ MOST_MOVED = 0.01
 NO_EDGE = 1e-6
 """Share of the mass flux beyond the grid below which its end surely does not matter."""
 WANTED_TRIALS = 20
-"""Encounters in a pair of classes from which on its own counts outweigh the law (`closures.STRONGEST_PRIOR`)."""
+"""Encounters in a pair of classes from which on its own counts outweigh the law (`estimated rates.STRONGEST_PRIOR`)."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class Evidence:
 
 
 class OnGrid(Protocol):
-    """What can be judged: a `Closure`, or two (`between.Between`)."""
+    """What can be judged: a `EstimatedRates`, or two (`between.InterpolatedRates`)."""
 
     grid: Grid
 
@@ -148,27 +148,27 @@ def breakups(table: KernelTable) -> int:
     return int((table.records.products > 2).sum())
 
 
-def counted(closure: OnGrid) -> Evidence:
+def counted(estimated: OnGrid) -> Evidence:
     """What can be said before anything is solved."""
-    fewest = min(closure.tables, key=breakups)
-    largest = min(int(t.records.size.sum(axis=1).max()) for t in closure.tables)
+    fewest = min(estimated.tables, key=breakups)
+    largest = min(int(t.records.size.sum(axis=1).max()) for t in estimated.tables)
     return Evidence(len(fewest.records), breakups(fewest), largest)
 
 
-def judged(closure: OnGrid, steady: SteadyState) -> Evidence:
-    """What the steady state of a closure's balance rests on."""
+def judged(estimated: OnGrid, steady: SteadyState) -> Evidence:
+    """What the steady state of the balance of estimated rates rests on."""
     n = steady.population
-    number, mass = closure.extrapolated_changes(n)
+    number, mass = estimated.extrapolated_changes(n)
     edge = steady.balance.edge_flux(n)
     moved = 0.0
     if edge > NO_EDGE:
         mean = n @ steady.balance.grid.mass / n.sum()
-        moved = _on_a_longer_grid(closure, n, steady.balance.scheme) / mean - 1.0
+        moved = _on_a_longer_grid(estimated, n, steady.balance.scheme) / mean - 1.0
     missing: tuple[MissingPair, ...] = ()
     if max(number, mass) > MOST_EXTRAPOLATED:
-        missing = tuple(MissingPair(*pair) for pair in closure.missing_pairs(n)[:5])
+        missing = tuple(MissingPair(*pair) for pair in estimated.missing_pairs(n)[:5])
     return replace(
-        counted(closure),
+        counted(estimated),
         extrapolated=number,
         extrapolated_mass=mass,
         edge_flux=float(edge),
@@ -177,10 +177,10 @@ def judged(closure: OnGrid, steady: SteadyState) -> Evidence:
     )
 
 
-def _on_a_longer_grid(closure: OnGrid, population: np.ndarray, scheme: str) -> float:
+def _on_a_longer_grid(estimated: OnGrid, population: np.ndarray, scheme: str) -> float:
     """Steady <P> on a grid that ends at twice the size; inf where none is found."""
-    longer = closure.on(closure.grid.extended(2.0))
-    start = longer.grid.monodisperse(population @ closure.grid.mass)
+    longer = estimated.on(estimated.grid.extended(2.0))
+    start = longer.grid.monodisperse(population @ estimated.grid.mass)
     try:
         n = steady_state(longer.balance(scheme=scheme), start).population
     except NotReachedError:
@@ -189,24 +189,24 @@ def _on_a_longer_grid(closure: OnGrid, population: np.ndarray, scheme: str) -> f
 
 
 def supported_steady_state(
-    closure: OnGrid, population: np.ndarray, *, scheme: str = "fixed pivot", guess: np.ndarray | None = None
+    estimated: OnGrid, population: np.ndarray, *, scheme: str = "fixed pivot", guess: np.ndarray | None = None
 ) -> tuple[SteadyState | None, Evidence]:
     """The steady state of a table's balance where encounters that were seen bear it, else None; and the evidence.
 
     Parameters
     ----------
-    closure : a table on a grid
+    estimated : a table on a grid
     population : (K,) initial numbers [1/m^3]
     scheme : of the balance
     guess : (K,) a population near the steady state
     """
-    evidence = counted(closure)
+    evidence = counted(estimated)
     if not evidence.holds:
         return None, evidence
     try:
-        steady = steady_state(closure.balance(scheme=scheme), population, guess=guess)
+        steady = steady_state(estimated.balance(scheme=scheme), population, guess=guess)
     except NotReachedError:
         # Sizes that grow without end are not reached in any time.
         return None, replace(evidence, moved=np.inf)
-    evidence = judged(closure, steady)
+    evidence = judged(estimated, steady)
     return (steady if evidence.holds else None), evidence

@@ -16,8 +16,8 @@ from scipy import stats
 
 from pbekit.arguments import LEVEL
 from pbekit.balance.population_balance import PopulationBalance
-from pbekit.estimated_rates.closures import Closure
-from pbekit.estimated_rates.stress_interpolation import Between, stress_of
+from pbekit.estimated_rates.estimated_rates import EstimatedRates
+from pbekit.estimated_rates.stress_interpolation import InterpolatedRates, stress_of
 from pbekit.study.uncertainty import band
 
 Outputs = Mapping[str, np.ndarray | float]
@@ -68,17 +68,21 @@ class InterpolationError:
 
 
 def leave_out(
-    closures: Sequence[Closure], output: Callable[[PopulationBalance], Outputs], own: Sequence[Outputs]
+    rates_of_tables: Sequence[EstimatedRates],
+    output: Callable[[PopulationBalance], Outputs],
+    own: Sequence[Outputs],
 ) -> dict[str, InterpolationError]:
     """The error of interpolation of each output; empty where no table lies between two others.
 
-    closures : of tables in ascending order of stress, on one grid; own : what `output` gives for each of them
+    rates_of_tables : of tables in ascending order of stress, on one grid; own : what `output` gives for each of them
     """
     gaps, predicted = [], []
-    for k in range(1, len(closures) - 1):
-        below, here, above = (stress_of(c.table) for c in closures[k - 1 : k + 2])
+    for k in range(1, len(rates_of_tables) - 1):
+        below, here, above = (stress_of(c.table) for c in rates_of_tables[k - 1 : k + 2])
         gaps.append(gap_of(below, here, above))
-        predicted.append(output(Between.of(closures[k - 1], closures[k + 1], here).mean))
+        predicted.append(
+            output(InterpolatedRates.of(rates_of_tables[k - 1], rates_of_tables[k + 1], here).mean)
+        )
     if not gaps:
         return {}
     return {

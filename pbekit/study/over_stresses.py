@@ -10,8 +10,8 @@ import xarray as xr
 
 from pbekit import arguments
 from pbekit.errors import PBEError
-from pbekit.estimated_rates.closures import Closure, grid_for, start_of
-from pbekit.estimated_rates.stress_interpolation import Between, common_grid, stress_of
+from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
+from pbekit.estimated_rates.stress_interpolation import InterpolatedRates, common_grid, stress_of
 from pbekit.solution.steady import steady_state
 from pbekit.study.analytical import AnalyticalBalance, van_de_ven_mason_of
 from pbekit.study.evidence import LEAST_BREAKUPS, supported_steady_state
@@ -44,16 +44,16 @@ def efficiencies(tables: list[KernelTable]) -> xr.Dataset:
     return data.assign_coords(stress=("stress", stress[order], {"units": "Pa"}))
 
 
-def breakup_size(closure: Closure, rng: np.random.Generator | None = None) -> float:
+def breakup_size(estimated: EstimatedRates, rng: np.random.Generator | None = None) -> float:
     """P_br: joint size at which half of the encounters that join or scatter scatter, among encounters with equal partners.
 
     By the fitted law, so that it is defined for any table; inf where the share stays below a half up to 4000.
     """
-    law = closure.law if rng is None else closure.law.drawn(rng)
+    law = estimated.law if rng is None else estimated.law.drawn(rng)
     size = np.geomspace(1.5, 2000, 400)
-    records, table = closure.records, closure.table
+    records, table = estimated.records, estimated.table
     seen = np.log(records.shape(table.shape_name, table.radius)[records.size > 2])
-    typical = np.exp(np.nanmean(seen)) if closure.grid.shapes > 1 else np.nan
+    typical = np.exp(np.nanmean(seen)) if estimated.grid.shapes > 1 else np.nan
     shape = np.where(size > 2, typical, np.nan)
     p = law(law.features(size, size, shape, shape))
     share = p[:, 2] / (p[:, 1] + p[:, 2])
@@ -137,21 +137,21 @@ def stress_law(
 
 def _at_stress(table: KernelTable, draws: int, seed: int) -> _AtStress:
     nothing = np.full(1 + draws, np.nan)
-    closure = Closure(table, grid_for(table))
-    start = start_of(closure.grid, table)
-    steady, evidence = supported_steady_state(closure, start)
+    estimated = EstimatedRates(table, grid_for(table))
+    start = start_of(estimated.grid, table)
+    steady, evidence = supported_steady_state(estimated, start)
     values = dict.fromkeys(OVER_STRESSES, nothing)
     extrapolated = np.nan
     if steady is not None:
-        mean = steady_summary(closure.mean, steady.population)
-        drawn = draws_of(closure, steady_output(start, guess=steady.population), draws, seed=seed)
+        mean = steady_summary(estimated.mean, steady.population)
+        drawn = draws_of(estimated, steady_output(start, guess=steady.population), draws, seed=seed)
         for name in ("mean_size", "sauter_diameter"):
             values[name] = np.append(mean[name], drawn[name].values)
-        extrapolated = closure.extrapolated_flux(steady.population)
-    if evidence.breakups >= LEAST_BREAKUPS and breakup_size(closure) <= evidence.largest:
+        extrapolated = estimated.extrapolated_flux(steady.population)
+    if evidence.breakups >= LEAST_BREAKUPS and breakup_size(estimated) <= evidence.largest:
         rng = np.random.default_rng(seed)
         values["breakup_size"] = np.array(
-            [breakup_size(closure)] + [breakup_size(closure, rng) for _ in range(draws)]
+            [breakup_size(estimated)] + [breakup_size(estimated, rng) for _ in range(draws)]
         )
     return _AtStress(table, values, extrapolated, "" if steady is not None else evidence.refusal(table))
 
@@ -183,21 +183,21 @@ def interpolated(tables: list[KernelTable], draws: int) -> dict[str, np.ndarray]
     if np.any(np.diff(stress) <= 0) or not all(_alike(tables[0], t) for t in tables[1:]):
         return {}
     grid = common_grid(tables)
-    closures = [Closure(t, grid) for t in tables]
+    of_tables = [EstimatedRates(t, grid) for t in tables]
     start = start_of(grid, tables[0])
-    settled = [steady_state(c.mean, start) for c in closures]
-    own = [steady_summary(c.mean, s.population) for c, s in zip(closures, settled, strict=True)]
+    settled = [steady_state(c.mean, start) for c in of_tables]
+    own = [steady_summary(c.mean, s.population) for c, s in zip(of_tables, settled, strict=True)]
     names = ("mean_size", "sauter_diameter")
     found = {
         f"{n}_interpolated{end}": np.full(len(tables), np.nan) for n in names for end in ("", "_low", "_high")
     }
     for k in range(1, len(tables) - 1):
-        middle = Between.of(closures[k - 1], closures[k + 1], stress[k])
+        middle = InterpolatedRates.of(of_tables[k - 1], of_tables[k + 1], stress[k])
         near = steady_output(start, guess=settled[k].population)
         output = lambda b, near=near: {name: near(b)[name] for name in names}
         value = output(middle.mean)
         others = [j for j in range(len(tables)) if j != k]
-        errors = leave_out([closures[j] for j in others], output, [own[j] for j in others])
+        errors = leave_out([of_tables[j] for j in others], output, [own[j] for j in others])
         for name in names:
             found[f"{name}_interpolated"][k] = value[name]
         if not errors:

@@ -13,8 +13,8 @@ import xarray as xr
 from pbekit import arguments
 from pbekit.balance.population_balance import PopulationBalance
 from pbekit.errors import PBEError
-from pbekit.estimated_rates.closures import Closure, grid_for, start_of
-from pbekit.estimated_rates.stress_interpolation import Between, between, common_grid, stress_of
+from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
+from pbekit.estimated_rates.stress_interpolation import InterpolatedRates, common_grid, interpolate, stress_of
 from pbekit.solution.solve import solve
 from pbekit.solution.steady import SteadyState
 from pbekit.study.evidence import MOST_EXTRAPOLATED, supported_steady_state
@@ -127,12 +127,12 @@ def solve_table(
     given = [table] if isinstance(table, KernelTable | str | Path) else list(table)
     tables = [t if isinstance(t, KernelTable) else open_table(t) for t in given]
     grid_options = (exact_to, largest, shapes)
-    closure, errors = _closure(tables, stress, chosen, grid_options)
-    first = closure.tables[0]
-    start = start_of(closure.grid, first, volume_fraction)
+    estimated, errors = _closure(tables, stress, chosen, grid_options)
+    first = estimated.tables[0]
+    start = start_of(estimated.grid, first, volume_fraction)
     times = np.linspace(0.0, chosen.until, chosen.samples)
     tell("integrating", 0.0)
-    balance = closure.balance(scheme=chosen.scheme)
+    balance = estimated.balance(scheme=chosen.scheme)
     data = solve(
         balance,
         start,
@@ -142,20 +142,20 @@ def solve_table(
         progress=lambda t: tell("integrating", 0.4 * min(t / chosen.until, 1)),
     )
     data["number"].attrs["units"] = "m-3"
-    mass = [closure.extrapolated_changes(n)[1] for n in data.number.values]
+    mass = [estimated.extrapolated_changes(n)[1] for n in data.number.values]
     note = {
         "units": "1",
         "long_name": "share of the mass that changes size in pairs of classes nobody sampled",
     }
     data["extrapolated_mass"] = ("time", mass, note)
     tell("steady state", 0.45)
-    steady, evidence = supported_steady_state(closure, start, scheme=chosen.scheme)
-    _put_steady(data, closure, steady)
+    steady, evidence = supported_steady_state(estimated, start, scheme=chosen.scheme)
+    _put_steady(data, estimated, steady)
     if steady is None:
         data.attrs["no_steady_state"] = evidence.refusal(first)
     data.attrs |= {
         "title": "Course of a population balance",
-        "unresolved": closure.unresolved,
+        "unresolved": estimated.unresolved,
         "breakups": evidence.breakups,
     }
     if stress is None:
@@ -167,9 +167,9 @@ def solve_table(
         without_bands = data.copy()
         try:
             output = _Output(start, times, steady)
-            error = errors(output) if isinstance(closure, Between) else {}
+            error = errors(output) if isinstance(estimated, InterpolatedRates) else {}
             tell("draws", 0.5)
-            _put_bands(data, closure, output, error, chosen, tell)
+            _put_bands(data, estimated, output, error, chosen, tell)
         except KeyboardInterrupt:
             without_bands.attrs["no_band"] = "interrupted in the middle of the draws"
             raise InterruptedDraws(without_bands) from None
@@ -205,24 +205,26 @@ def _closure(tables, stress, chosen: Options, grid_options):
             raise PBEError(
                 f"{len(tables)} tables: say by --stress at which stress between theirs, or give one"
             )
-        return Closure(tables[0], grid_for(tables[0], exact_to, largest, shapes), chosen.outcomes), None
+        return EstimatedRates(
+            tables[0], grid_for(tables[0], exact_to, largest, shapes), chosen.outcomes
+        ), None
     grid = common_grid(tables, exact_to, largest, shapes)
-    closure = between(tables, stress, grid, chosen.outcomes)
+    estimated = interpolate(tables, stress, grid, chosen.outcomes)
 
     def errors(output) -> dict[str, InterpolationError]:
-        ordered = [Closure(t, grid, chosen.outcomes) for t in sorted(tables, key=stress_of)]
+        ordered = [EstimatedRates(t, grid, chosen.outcomes) for t in sorted(tables, key=stress_of)]
         return leave_out(ordered, output, [output(c.mean) for c in ordered])
 
-    return closure, errors
+    return estimated, errors
 
 
-def _put_steady(data: xr.Dataset, closure, steady: SteadyState | None) -> None:
+def _put_steady(data: xr.Dataset, estimated, steady: SteadyState | None) -> None:
     if steady is None:
         return
     note = {"units": "m-3", "long_name": "steady number concentration"}
     data["steady_number"] = ("cell", steady.population, note)
     summary = steady_summary(steady.balance, steady.population)
-    number, heavy = closure.extrapolated_changes(steady.population)
+    number, heavy = estimated.extrapolated_changes(steady.population)
     data.attrs |= {f"steady_{name}": float(summary[name]) for name in STEADY}
     data.attrs |= {
         "steady_extrapolated": number,
@@ -231,10 +233,10 @@ def _put_steady(data: xr.Dataset, closure, steady: SteadyState | None) -> None:
     }
 
 
-def _put_bands(data: xr.Dataset, closure, output: _Output, error, chosen: Options, tell: Tell) -> None:
+def _put_bands(data: xr.Dataset, estimated, output: _Output, error, chosen: Options, tell: Tell) -> None:
     """Bands of the course and of the steady state, the interpolation's error included where there is one."""
     drawn = draws_of(
-        closure,
+        estimated,
         output,
         chosen.draws,
         chosen.seed,
@@ -244,7 +246,7 @@ def _put_bands(data: xr.Dataset, closure, output: _Output, error, chosen: Option
     for name in drawn.data_vars:
         value = data.attrs[name] if str(name).startswith("steady_") else data[name].values
         rows = drawn[name].values
-        limits = error[name].widened(value, rows, closure.gap) if name in error else band(rows)
+        limits = error[name].widened(value, rows, estimated.gap) if name in error else band(rows)
         for end, values in zip(("low", "high"), limits, strict=True):
             if str(name).startswith("steady_"):
                 data.attrs[f"{name}_{end}"] = float(values)

@@ -1,6 +1,6 @@
 """How sure a balance is that rests on counted encounters, and which encounters to make next.
 
-Bands come from draws of the whole closure.  Variance shares come from one factorisation: at a steady state the adjoint
+Bands come from draws of the whole estimated.  Variance shares come from one factorisation: at a steady state the adjoint
 gives each event a value, the change of the wanted output per event, and the posterior variance is the sum over
 encounters of the square of what their weight does (the infinitesimal jackknife, Efron 1982), so it falls to the pairs of
 classes the encounters belong to.
@@ -18,7 +18,7 @@ import xarray as xr
 from pbekit.arguments import LARGEST_SEED, LEVEL, MOST_DRAWS, least_draws, number, whole_number
 from pbekit.balance.population_balance import PopulationBalance
 from pbekit.errors import PBEError
-from pbekit.estimated_rates.closures import JOIN, SCATTER, SURVIVE, Closure
+from pbekit.estimated_rates.estimated_rates import JOIN, SCATTER, SURVIVE, EstimatedRates
 from pbekit.solution.solve import integrate
 from pbekit.solution.steady import NotReachedError, SteadyState, steady_state
 from pbekit.tables.counts import share_interval
@@ -26,7 +26,7 @@ from pbekit.tables.kernel_table import AGGREGATION, UNRESOLVED, KernelTable
 
 
 class Drawn(Protocol):
-    """What draws are made of: a `Closure`, or two (`between.Between`)."""
+    """What draws are made of: a `EstimatedRates`, or two (`between.InterpolatedRates`)."""
 
     def balance(
         self, rng: np.random.Generator | None = None, scheme: str = "fixed pivot"
@@ -34,7 +34,7 @@ class Drawn(Protocol):
 
 
 def draws_of(
-    closure: Drawn,
+    estimated: Drawn,
     output: Callable[[PopulationBalance], Mapping[str, np.ndarray | float]],
     draws: int,
     seed: int = 0,
@@ -46,7 +46,7 @@ def draws_of(
     whole_number("seed", seed, 0, LARGEST_SEED)
     rows = []
     for k in range(draws):
-        rows.append(output(closure.balance(np.random.default_rng([seed, k]), scheme)))
+        rows.append(output(estimated.balance(np.random.default_rng([seed, k]), scheme)))
         if progress is not None:
             progress(k + 1)
     names = rows[0].keys()
@@ -167,7 +167,7 @@ class VarianceShares:
     of_pair: np.ndarray
     of_law: float
     flux: np.ndarray
-    closure: Closure
+    estimated: EstimatedRates
 
     @property
     def deviation(self) -> float:
@@ -175,18 +175,18 @@ class VarianceShares:
 
     def table(self) -> np.ndarray:
         """(C, C) shares of the variance, symmetric: a pair and its mirror hold the pair's share each."""
-        return self.closure.table.square(self.of_pair) / (self.of_pair.sum() + self.of_law)
+        return self.estimated.table.square(self.of_pair) / (self.of_pair.sum() + self.of_law)
 
     def largest(self, count: int = 10) -> list[tuple[str, float, int]]:
         """The pairs with the largest shares: (name, share, trials so far)."""
-        table = self.closure.table
+        table = self.estimated.table
         b, a = np.tril_indices(table.classes)
         total = self.of_pair.sum() + self.of_law
         return [
             (
                 f"{table.class_name(a[k])} with {table.class_name(b[k])}",
                 self.of_pair[k] / total,
-                int(self.closure.trials[k]),
+                int(self.estimated.trials[k]),
             )
             for k in np.argsort(-self.of_pair)[:count]
         ]
@@ -196,10 +196,10 @@ class VarianceShares:
 
         cost : (pairs,) of one encounter, in any unit; the allocation is in proportion to deviation per sqrt(cost)
         """
-        trials = self.closure.trials
-        effective = trials + self.closure.strength
+        trials = self.estimated.trials
+        effective = trials + self.estimated.strength
         # What the law leaves uncertain falls to the pairs that lean on it.
-        lean = self.flux * self.closure.strength / effective
+        lean = self.flux * self.estimated.strength / effective
         law = self.of_law * lean / lean.sum() if lean.sum() > 0 else 0.0
         spread = np.sqrt((self.of_pair + law) * effective)
         if cost is not None:
@@ -217,7 +217,7 @@ class VarianceShares:
         return whole
 
 
-def variance_shares(closure: Closure, steady: SteadyState, gradient: np.ndarray) -> VarianceShares:
+def variance_shares(estimated: EstimatedRates, steady: SteadyState, gradient: np.ndarray) -> VarianceShares:
     """Shares of the variance of an output with this gradient (K,) in the populations of the steady state.
 
     Outcomes and fragments are resolved by pair of classes; shapes and radii, whose part is small, are left to the draws.
@@ -227,39 +227,41 @@ def variance_shares(closure: Closure, steady: SteadyState, gradient: np.ndarray)
         raise PBEError(
             "variance_shares: sensitivities are exact for the fixed pivot; use scheme='fixed pivot'"
         )
-    grid, n, table = balance.grid, steady.population, closure.table
+    grid, n, table = balance.grid, steady.population, estimated.table
     value = steady.importance(gradient)
-    weight = closure.weights(None)
-    met = closure.encounter_rate(weight) * np.outer(n, n)
+    weight = estimated.weights(None)
+    met = estimated.encounter_rate(weight) * np.outer(n, n)
     met *= np.where(np.eye(grid.cells, dtype=bool), 0.5, 1.0)
     upper = np.triu(np.ones_like(met)) > 0
     worth = _values(balance, value)  # (3, K, K)
 
-    p = closure.probabilities(weight, None)
-    flux = np.bincount(closure.cell_pair[upper], met[upper], table.pairs)
+    p = estimated.probabilities(weight, None)
+    flux = np.bincount(estimated.cell_pair[upper], met[upper], table.pairs)
     gain = np.stack(
-        [np.bincount(closure.cell_pair[upper], (met * w)[upper], table.pairs) for w in worth], axis=1
+        [np.bincount(estimated.cell_pair[upper], (met * w)[upper], table.pairs) for w in worth], axis=1
     )  # (pairs, 3) change of the output per unit of probability
-    per_encounter = np.zeros(len(closure.records))
+    per_encounter = np.zeros(len(estimated.records))
     of_prior = np.zeros(table.pairs)
-    if closure.smooth:
+    if estimated.smooth:
         of_law = _law_variance(
-            closure,
+            estimated,
             lambda law: float(
-                (met * (law(closure._cell_features).transpose(2, 0, 1) * worth).sum(axis=0))[upper].sum()
+                (met * (law(estimated._cell_features).transpose(2, 0, 1) * worth).sum(axis=0))[upper].sum()
             ),
         )
     else:
-        effective = closure.trials + closure.strength
+        effective = estimated.trials + estimated.strength
         surprise = (gain - (p * gain).sum(axis=1, keepdims=True)) / effective[:, None]
-        per_encounter += surprise[table.pair, closure.kind]
-        prior = closure.strength * closure.law(closure._class_features)
+        per_encounter += surprise[table.pair, estimated.kind]
+        prior = estimated.strength * estimated.law(estimated._class_features)
         of_prior = (surprise**2 * prior).sum(axis=1)
-        lean = (closure.strength / effective)[:, None]
-        of_law = _law_variance(closure, lambda law: float((lean * law(closure._class_features) * gain).sum()))
-    per_encounter[closure.scattered] += _fragment_slopes(closure, balance, value, met, p)
+        lean = (estimated.strength / effective)[:, None]
+        of_law = _law_variance(
+            estimated, lambda law: float((lean * law(estimated._class_features) * gain).sum())
+        )
+    per_encounter[estimated.scattered] += _fragment_slopes(estimated, balance, value, met, p)
     of_pair = np.bincount(table.pair, per_encounter**2, table.pairs) + of_prior
-    return VarianceShares(of_pair, of_law, flux, closure)
+    return VarianceShares(of_pair, of_law, flux, estimated)
 
 
 def _slot_values(balance, value) -> np.ndarray:
@@ -301,12 +303,12 @@ def _values(balance, value) -> np.ndarray:
     return out
 
 
-def _fragment_slopes(closure, balance, value, met, p) -> np.ndarray:
+def _fragment_slopes(estimated, balance, value, met, p) -> np.ndarray:
     """(scattered encounters,) change of the output with the weight of each, through what others' fragments become."""
-    if closure.scattered.size == 0:
+    if estimated.scattered.size == 0:
         return np.zeros(0)
     grid = balance.grid
-    scattering = met * (p if closure.smooth else p[closure.cell_pair])[..., SCATTER]
+    scattering = met * (p if estimated.smooth else p[estimated.cell_pair])[..., SCATTER]
     starts = np.searchsorted(grid.size_of_cell, np.arange(grid.sizes))
     per_size = np.add.reduceat(np.add.reduceat(scattering, starts, axis=0), starts, axis=1)
     # `met` holds each unordered pair of cells twice off the diagonal, once halved on it.
@@ -320,16 +322,16 @@ def _fragment_slopes(closure, balance, value, met, p) -> np.ndarray:
     g, enc = balance.arrays.geometry, balance.arrays.encounters
     variant = enc.products.slot[enc.products.row[enc.row[1, -1]]] // (grid.sizes + g.tail)
     slot = np.append(_slot_values(balance, value)[variant], [0.0, 0.0])
-    near, fragments = closure._fragment_norm, closure._fragments
-    norm = near @ np.ones(closure.scattered.size)
+    near, fragments = estimated._fragment_norm, estimated._fragments
+    norm = near @ np.ones(estimated.scattered.size)
     per_event = fragments.T @ (np.repeat(flux / norm, slot.size) * np.tile(slot, len(flux)))
-    mean = (fragments @ np.ones(closure.scattered.size)).reshape(len(flux), -1) @ slot / norm
+    mean = (fragments @ np.ones(estimated.scattered.size)).reshape(len(flux), -1) @ slot / norm
     return per_event - near.T @ (flux / norm * mean)
 
 
-def _law_variance(closure, output) -> float:
+def _law_variance(estimated, output) -> float:
     """Variance of `output(law)` through the law's coefficients, to first order."""
-    law = closure.law
+    law = estimated.law
     flat = law.coefficients.ravel()
     slope = np.zeros(flat.size)
     for k in range(flat.size):

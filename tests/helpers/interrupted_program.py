@@ -43,9 +43,9 @@ elif program == "pbekit":
 
     draws_of = uncertainty.draws_of
 
-    def told(closure, output, draws, seed, progress, scheme):
+    def told(estimated, output, draws, seed, progress, scheme):
         begun = lambda k: (Path(marker).touch(), progress(k))
-        return draws_of(closure, output, draws, seed, begun, scheme)
+        return draws_of(estimated, output, draws, seed, begun, scheme)
 
     uncertainty.draws_of = told
     from pbekit.__main__ import main

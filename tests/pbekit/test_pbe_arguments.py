@@ -31,8 +31,8 @@ from pbekit.balance.efficiencies import VanDeVenMason
 from pbekit.balance.encounters import PairRows
 from pbekit.balance.kernels import FractalRadius, ShearEncounter
 from pbekit.commands.main import app
-from pbekit.estimated_rates.closures import Closure, grid_for, start_of
-from pbekit.estimated_rates.stress_interpolation import between, common_grid
+from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
+from pbekit.estimated_rates.stress_interpolation import common_grid, interpolate
 from pbekit.solution.finite_population import population_course
 from pbekit.study import solve_table
 from pbekit.study.uncertainty import band, draws_of
@@ -43,6 +43,7 @@ OPEN = PopulationBalance(GRID, [Aggregation(1.0)])
 CLOSED = PopulationBalance(GRID, [Aggregation(1.0)], edge="closed")
 START = GRID.monodisperse(1.0)
 TIMES = np.linspace(0.0, 1.0, 3)
+RATES = EstimatedRates(TABLE, GRID)
 SHAPED = GRID.with_shapes([1, 2, 3])
 
 
@@ -134,13 +135,13 @@ REFUSED = {
     "grid for a path": (lambda: grid_for("kernels.nc"), "table: got 'kernels.nc', expected a KernelTable"),
     "fraction below zero": (lambda: start_of(GRID, TABLE, -1.0), "volume fraction = -1.0: expected a share"),
     "fraction beyond a packing": (lambda: start_of(GRID, TABLE, 0.8), "volume fraction = 0.8"),
-    "closure of a path": (lambda: Closure("kernels.nc", GRID), "table: got 'kernels.nc'"),
-    "closure without a grid": (lambda: Closure(TABLE, "x"), "grid: got 'x', expected a Grid"),
-    "closure of an edge": (lambda: Closure(TABLE, GRID, edge="x"), "edge: got 'x', expected one of"),
-    "stress of text": (lambda: between([TABLE, TABLE], "x"), "stress = 'x'"),
-    "stress of nan": (lambda: between([TABLE, TABLE], float("nan")), "stress = nan"),
-    "no draws": (lambda: draws_of(Closure(TABLE, GRID), dict, 0), "draws = 0"),
-    "a negative seed": (lambda: draws_of(Closure(TABLE, GRID), dict, 2, seed=-1), "seed = -1"),
+    "estimated of a path": (lambda: EstimatedRates("kernels.nc", GRID), "table: got 'kernels.nc'"),
+    "estimated without a grid": (lambda: EstimatedRates(TABLE, "x"), "grid: got 'x', expected a Grid"),
+    "estimated of an edge": (lambda: EstimatedRates(TABLE, GRID, edge="x"), "edge: got 'x', expected one of"),
+    "stress of text": (lambda: interpolate([TABLE, TABLE], "x"), "stress = 'x'"),
+    "stress of nan": (lambda: interpolate([TABLE, TABLE], float("nan")), "stress = nan"),
+    "no draws": (lambda: draws_of(EstimatedRates(TABLE, GRID), dict, 0), "draws = 0"),
+    "a negative seed": (lambda: draws_of(EstimatedRates(TABLE, GRID), dict, 2, seed=-1), "seed = -1"),
     "level beyond one": (lambda: band(np.ones(3), 2.0), "level = 2.0"),
     "too few draws over stresses": (lambda: stress_law([TABLE, TABLE], 18), "draws = 18: expected 19 to 1000000"),
     "too few draws beside a run": (lambda: compare_table(TABLE, None, 18), "draws = 18: expected 19 to 1000000"),
@@ -157,8 +158,8 @@ REFUSED = {
     "solving with half a sample": (lambda: solve_table(TABLE, samples=2.5), "samples = 2.5: expected a whole number"),
     "solving with what is no option": (lambda: solve_table(TABLE, step=1), "step: no option of solve_table, expected one of"),
     "largest below what one of two saw": (lambda: common_grid([NARROW, WIDER], largest=8), "largest = 8: expected at least 11"),
-    "finite population of no fraction": (lambda: population_course(Closure(TABLE, GRID), 0.0, TIMES), "volume fraction = 0.0"),
-    "finite population backwards": (lambda: population_course(Closure(TABLE, GRID), 1e-4, [1.0, 0.0]), "times must be 0 or more"),
+    "finite population of no fraction": (lambda: population_course(RATES, 0.0, TIMES), "volume fraction = 0.0"),
+    "finite population backwards": (lambda: population_course(RATES, 1e-4, [1.0, 0.0]), "times must be 0 or more"),
 }  # fmt: skip
 
 

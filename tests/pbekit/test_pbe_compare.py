@@ -17,8 +17,8 @@ from mcdem.scene import Scene
 from pbekit import Grid, integrate
 from pbekit.commands.main import app
 from pbekit.errors import PBEError
-from pbekit.estimated_rates.closures import Closure, grid_for, start_of
-from pbekit.estimated_rates.stress_interpolation import Between, between
+from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
+from pbekit.estimated_rates.stress_interpolation import InterpolatedRates, interpolate
 from pbekit.solution.finite_population import population_course
 from pbekit.solution.steady import steady_state
 from pbekit.study.ablation import distance, switches
@@ -61,12 +61,12 @@ def files(tmp_path_factory):
 def test_a_finite_population_follows_the_balance(table):
     """12 replicas of 200 aggregates: <P>(t) within 4 standard errors of the mean field, and the shares of small sizes."""
     grid = Grid.primaries(60).with_shapes(table.shape_edges)
-    closure = Closure(table, grid)
+    estimated = EstimatedRates(table, grid)
     times = np.array([0.0, 5.0, 15.0, 30.0])
     phi = 0.04
-    found = population_course(closure, phi, times, replicas=12, steady_from=30.0)
+    found = population_course(estimated, phi, times, replicas=12, steady_from=30.0)
     number = phi / (4 / 3 * np.pi)
-    exact = integrate(closure.mean, grid.monodisperse(number), times)[:, : grid.cells]
+    exact = integrate(estimated.mean, grid.monodisperse(number), times)[:, : grid.cells]
     mean = found.mean_size.mean("replica").values
     error = found.mean_size.std("replica", ddof=1).values / np.sqrt(12)
     wanted = number / exact.sum(axis=1)
@@ -82,11 +82,11 @@ def test_single_runs_scatter_by_chance_and_by_what_the_table_leaves_open():
     """A table of 300 encounters leaves much open, so that runs of 2000 aggregates scatter by more than chance."""
     records = design(np.random.default_rng(8), 300, 14)
     few = KernelTable.of(records, RADIUS, SHEAR_RATE, shapes=1, about=ABOUT)
-    closure = Closure(few, Grid.primaries(40))
+    estimated = EstimatedRates(few, Grid.primaries(40))
     times = np.array([0.0, 10.0])
     spread = {}
     for drawn in (False, True):
-        found = population_course(closure, 0.04, times, initial=2000, replicas=10, drawn=drawn)
+        found = population_course(estimated, 0.04, times, initial=2000, replicas=10, drawn=drawn)
         np.testing.assert_allclose(found.sauter_diameter[:, 0], 2 * RADIUS, rtol=1e-6)
         assert (found.sauter_diameter[:, 1] > 2 * RADIUS).all()
         spread[drawn] = float(found.mean_size[:, 1].std())
@@ -95,10 +95,10 @@ def test_single_runs_scatter_by_chance_and_by_what_the_table_leaves_open():
 
 def test_late_shares_are_averages_over_time(table):
     grid = Grid.primaries(60).with_shapes(table.shape_edges)
-    closure = Closure(table, grid)
+    estimated = EstimatedRates(table, grid)
     start, times = grid.monodisperse(0.04 / (4 / 3 * np.pi)), np.array([0.0, 5.0, 10.0])
-    found = course_output(start, times, share_from=5.0)(closure.mean)["late_share"]
-    states = integrate(closure.mean, start, times)[1:, : grid.cells]
+    found = course_output(start, times, share_from=5.0)(estimated.mean)["late_share"]
+    states = integrate(estimated.mean, start, times)[1:, : grid.cells]
     shares = [np.bincount(grid.size_of_cell, n) / n.sum() for n in states]
     np.testing.assert_allclose(found, np.mean(shares, axis=0), atol=1e-6)
     assert distance(found, shares[0]) == pytest.approx(distance(found, shares[1]), rel=1e-4)
@@ -132,8 +132,8 @@ def test_every_switch_makes_a_balance(table):
 def test_breakup_size_is_where_half_of_the_contacts_break():
     """The synthetic DEM breaks half of its hits at a joint size of 7 (rounder shapes)."""
     records = design(np.random.default_rng(8), 30_000, 14)
-    closure = Closure(KernelTable.of(records, RADIUS, SHEAR_RATE, shapes=1), Grid.primaries(14))
-    assert breakup_size(closure) == pytest.approx(7.0, rel=0.15)
+    estimated = EstimatedRates(KernelTable.of(records, RADIUS, SHEAR_RATE, shapes=1), Grid.primaries(14))
+    assert breakup_size(estimated) == pytest.approx(7.0, rel=0.15)
 
 
 @pytest.fixture(scope="module")
@@ -264,40 +264,40 @@ def three_stresses(two_stresses):
 def test_a_stress_between_two_tables_is_foretold(three_stresses):
     tables = [KernelTable.load(path) for path in three_stresses]
     lower, upper = tables[0], tables[2]
-    found = between([upper, lower], 2**0.5)
+    found = interpolate([upper, lower], 2**0.5)
     assert found.weight == pytest.approx(0.5)
     population = np.random.default_rng(1).random(found.grid.cells)
     drawn = found.balance(np.random.default_rng(2))
     for balance in (found.mean, drawn):
         rate = balance.rhs(0.0, balance.state(population))
         assert np.all(np.abs(rate @ balance.conserved) <= 1e-13 * (np.abs(rate) @ balance.conserved))
-    steady = [steady_size(Closure(t, grid_for(t))) for t in tables]
+    steady = [steady_size(EstimatedRates(t, grid_for(t))) for t in tables]
     guess = steady_size(found)
     assert steady[2] < guess < steady[0]
     # Neighbours a factor two apart in critical size; the left-out table is met far better than by either.
     assert abs(guess - steady[1]) < 0.35 * (steady[0] - steady[2])
 
 
-def steady_size(closure):
-    table = closure.table if hasattr(closure, "table") else closure.closures[0].table
-    n = steady_state(closure.mean, start_of(closure.grid, table)).population
-    return n @ closure.grid.mass / n.sum()
+def steady_size(estimated):
+    table = estimated.table if hasattr(estimated, "table") else estimated.of_tables[0].table
+    n = steady_state(estimated.mean, start_of(estimated.grid, table)).population
+    return n @ estimated.grid.mass / n.sum()
 
 
 def test_at_the_ends_and_beyond(three_stresses):
     lower, _, upper = (KernelTable.load(path) for path in three_stresses)
-    at_the_end = Between(lower, upper, 1.0)
-    own = Closure(lower, at_the_end.grid)
+    at_the_end = InterpolatedRates(lower, upper, 1.0)
+    own = EstimatedRates(lower, at_the_end.grid)
     n = own.grid.monodisperse(0.01) + 1e-3
     rates = [b.rhs(0.0, b.state(n)) for b in (at_the_end.mean, own.mean)]
     np.testing.assert_allclose(rates[0], rates[1], rtol=1e-9, atol=1e-12 * np.abs(rates[1]).max())
     with pytest.raises(PBEError, match="beyond them nothing is known"):
-        between([lower, upper], 3.0)
+        interpolate([lower, upper], 3.0)
     with pytest.raises(PBEError, match="beyond them nothing is known"):
-        Between(lower, upper, 0.5)
+        InterpolatedRates(lower, upper, 0.5)
     silent = KernelTable.of(lower.records, RADIUS, SHEAR_RATE, shapes=1)
     with pytest.raises(PBEError, match="viscosity"):
-        between([silent, upper], 1.5)
+        interpolate([silent, upper], 1.5)
 
 
 def test_stresses_of_several_shear_rates_are_told_without_foretelling(three_stresses):

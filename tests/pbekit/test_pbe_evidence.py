@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from pbekit import Grid, PBEError, steady_state
 from pbekit.arguments import least_draws
 from pbekit.commands.main import app
-from pbekit.estimated_rates.closures import Closure, grid_for, start_of
+from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
 from pbekit.study.evidence import LEAST_BREAKUPS, supported_steady_state
 from pbekit.study.interpolation_error import InterpolationError
 from pbekit.study.over_stresses import breakup_size, stress_law
@@ -40,8 +40,8 @@ def table_of(records, **about):
 
 
 def supported(table, grid=None, **of_grid):
-    closure = Closure(table, grid_for(table, **of_grid) if grid is None else grid)
-    return supported_steady_state(closure, start_of(closure.grid, table))
+    estimated = EstimatedRates(table, grid_for(table, **of_grid) if grid is None else grid)
+    return supported_steady_state(estimated, start_of(estimated.grid, table))
 
 
 def some_breakups(count):
@@ -136,8 +136,8 @@ def test_daughters_of_never_seen_pairs_are_lighter_than_their_parents(size):
     rng = np.random.default_rng(4)
     records = encounters(rng, np.tile(size, (400, 1)), np.ones((400, 2)), critical=1e-3, pieces=3)
     tiny = encounters(rng, np.ones((6, 2), int), np.ones((6, 2)), critical=1e9)
-    closure = Closure(table_of(Records.join([records, tiny])), Grid.primaries(40))
-    rows = closure.fragment_rows(closure.weights(None))[:, :40]
+    estimated = EstimatedRates(table_of(Records.join([records, tiny])), Grid.primaries(40))
+    rows = estimated.fragment_rows(estimated.weights(None))[:, :40]
     high, low = np.tril_indices(40)
     total, sizes = high + low + 2, np.arange(1, 41)
     np.testing.assert_allclose(rows @ sizes, total, rtol=1e-9)
@@ -168,10 +168,12 @@ def test_standard_errors_of_the_steady_size_cover_as_often_as_they_say():
     draw, start, exact, truth = run_like(700)
     off = []
     for repeat in range(200):
-        closure = Closure(table_of(draw(np.random.default_rng([11, repeat]))), Grid.primaries(LARGEST))
-        steady = steady_state(closure.mean, start, guess=exact)
-        shares = variance_shares(closure, steady, mean_size_gradient(closure.mean, steady.population))
-        mean = steady.population @ closure.grid.mass / steady.population.sum()
+        estimated = EstimatedRates(
+            table_of(draw(np.random.default_rng([11, repeat]))), Grid.primaries(LARGEST)
+        )
+        steady = steady_state(estimated.mean, start, guess=exact)
+        shares = variance_shares(estimated, steady, mean_size_gradient(estimated.mean, steady.population))
+        mean = steady.population @ estimated.grid.mass / steady.population.sum()
         off.append((mean - truth) / shares.deviation)
     covered = np.mean(np.abs(off) < 1.96)
     assert 0.92 <= covered <= 0.97, covered
@@ -183,12 +185,14 @@ def test_bands_of_draws_cover_as_often_as_they_say():
     draw, start, exact, truth = run_like(700)
     covered, inside = [], []
     for repeat in range(200):
-        closure = Closure(table_of(draw(np.random.default_rng([11, repeat]))), Grid.primaries(LARGEST))
-        n = steady_state(closure.mean, start, guess=exact).population
-        drawn = draws_of(closure, steady_output(start, guess=n), 79, seed=repeat).mean_size.values
+        estimated = EstimatedRates(
+            table_of(draw(np.random.default_rng([11, repeat]))), Grid.primaries(LARGEST)
+        )
+        n = steady_state(estimated.mean, start, guess=exact).population
+        drawn = draws_of(estimated, steady_output(start, guess=n), 79, seed=repeat).mean_size.values
         low, high = band(drawn, 0.95)
         covered.append(low <= truth <= high)
-        inside.append(low <= n @ closure.grid.mass / n.sum() <= high)
+        inside.append(low <= n @ estimated.grid.mass / n.sum() <= high)
     assert all(inside) and 0.92 <= np.mean(covered) <= 0.97, (np.mean(inside), np.mean(covered))
 
 
@@ -251,7 +255,9 @@ def test_a_band_holds_the_next_draw_as_often_as_it_says():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_breakup_size_lies_in_its_own_band(seed):
-    closure = Closure(table_of(design(np.random.default_rng(seed), 600, LARGEST)), Grid.primaries(LARGEST))
+    estimated = EstimatedRates(
+        table_of(design(np.random.default_rng(seed), 600, LARGEST)), Grid.primaries(LARGEST)
+    )
     rng = np.random.default_rng(seed)
-    low, high = band(np.array([breakup_size(closure, rng) for _ in range(19)]))
-    assert low < breakup_size(closure) < high
+    low, high = band(np.array([breakup_size(estimated, rng) for _ in range(19)]))
+    assert low < breakup_size(estimated) < high

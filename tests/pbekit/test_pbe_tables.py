@@ -28,7 +28,7 @@ from pbekit import (
     steady_state,
 )
 from pbekit.balance.breakage import Uniform
-from pbekit.estimated_rates.closures import Closure, grid_for
+from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for
 from pbekit.study.uncertainty import (
     band,
     course_output,
@@ -64,7 +64,7 @@ def known_sizes():
 def closure_of(records, outcomes="table"):
     edges = np.arange(1, LARGEST + 2)
     table = KernelTable.of(records, RADIUS, SHEAR_RATE, size_edges=edges, shapes=1)
-    return Closure(table, Grid.primaries(LARGEST), outcomes)
+    return EstimatedRates(table, Grid.primaries(LARGEST), outcomes)
 
 
 def mean_size(population):
@@ -78,11 +78,11 @@ def mean_size(population):
 def test_many_encounters_recover_the_exact_balance(outcomes, allowed):
     """60 000 encounters: steady <P> within 1 % (classes) and, the law's form being only near the truth, 3 % (smooth)."""
     balance, start = known_sizes()
-    closure = closure_of(design(np.random.default_rng(1), 60_000, LARGEST), outcomes)
+    estimated = closure_of(design(np.random.default_rng(1), 60_000, LARGEST), outcomes)
     exact = mean_size(steady_state(balance, start).population)
-    found = mean_size(steady_state(closure.mean, start).population)
+    found = mean_size(steady_state(estimated.mean, start).population)
     assert found == pytest.approx(exact, rel=allowed)
-    late = [mean_size(integrate(b, start, TIMES)[-1, :LARGEST]) for b in (balance, closure.mean)]
+    late = [mean_size(integrate(b, start, TIMES)[-1, :LARGEST]) for b in (balance, estimated.mean)]
     assert late[1] == pytest.approx(late[0], rel=allowed)
 
 
@@ -97,14 +97,14 @@ def test_bands_cover_the_exact_answer_as_often_as_they_say():
     guess = steady_state(balance, start).population
     covered = np.zeros((40, 2), bool)
     for repeat in range(40):
-        closure = closure_of(design(np.random.default_rng([7, repeat]), 2500, LARGEST))
+        estimated = closure_of(design(np.random.default_rng([7, repeat]), 2500, LARGEST))
         late = course_output(start, TIMES[[0, -1]], rtol=1e-5)
         settled = steady_output(start, guess=guess)
 
         def both(b, late=late, settled=settled):
             return {"steady": settled(b)["mean_size"], "late": late(b)["mean_size"][-1]}
 
-        drawn = draws_of(closure, both, 40, seed=repeat)
+        drawn = draws_of(estimated, both, 40, seed=repeat)
         for k, (name, truth) in enumerate((("steady", exact), ("late", exact_late))):
             low, high = band(drawn[name].values)
             covered[repeat, k] = low <= truth <= high
@@ -138,10 +138,10 @@ def test_sizes_and_shapes_are_recovered_together():
     table = KernelTable.of(
         records, RADIUS, SHEAR_RATE, size_edges=np.arange(1, LARGEST + 2), shape_edges=edges
     )
-    closure = Closure(table, Grid.primaries(LARGEST).with_shapes(edges, table.shape_name))
-    steady = steady_state(closure.mean, start)
+    estimated = EstimatedRates(table, Grid.primaries(LARGEST).with_shapes(edges, table.shape_name))
+    steady = steady_state(estimated.mean, start)
     found = steady.population
-    shares = variance_shares(closure, steady, mean_size_gradient(closure.mean, found))
+    shares = variance_shares(estimated, steady, mean_size_gradient(estimated.mean, found))
     # Three standard deviations, each 0.7 % of <P>: failure by chance 0.3 %.
     assert abs(mean_size(found) - mean_size(truth)) < 3 * shares.deviation < 0.03 * mean_size(truth)
     elongated = grid.shape_of_cell == 1
@@ -149,7 +149,7 @@ def test_sizes_and_shapes_are_recovered_together():
     assert found[elongated].sum() / found[grid.shape_of_cell >= 0].sum() == pytest.approx(wanted, rel=0.03)
     # Each class is known to about 3 %.
     np.testing.assert_allclose(found, truth, rtol=0.1)
-    drawn = draws_of(closure, steady_output(start, guess=found), 20)
+    drawn = draws_of(estimated, steady_output(start, guess=found), 20)
     low, high = band(drawn.mean_size.values)
     assert low < mean_size(found) < high
 
@@ -158,7 +158,7 @@ def test_sizes_and_shapes_are_recovered_together():
     round_parents = ((records.size <= 2) | (records.aspect_ratio < edges[1])).all(axis=1)
     uneven = records.select(round_parents | (np.random.default_rng(5).random(len(records)) < 0.2))
     flat = steady_state(
-        Closure(table.with_records(uneven), Grid.primaries(LARGEST)).mean,
+        EstimatedRates(table.with_records(uneven), Grid.primaries(LARGEST)).mean,
         Grid.primaries(LARGEST).monodisperse(NUMBER),
     )
     assert abs(mean_size(flat.population) - mean_size(truth)) > 3 * shares.deviation
@@ -168,7 +168,7 @@ def test_a_mean_shape_per_size_counts_all_shapes():
     """Of a table with classes of shape: the same balance as of a table without, not that of the roundest parents."""
     table = shaped_table(2000)
     flat = dataclasses.replace(table, shape_edges=None)
-    one, other = (Closure(t, Grid.primaries(LARGEST)).mean_rates.outcomes for t in (table, flat))
+    one, other = (EstimatedRates(t, Grid.primaries(LARGEST)).mean_rates.outcomes for t in (table, flat))
     np.testing.assert_array_equal(one, other)
 
 
@@ -181,8 +181,8 @@ def test_radii_are_per_aggregate_though_encounters_favour_the_large():
     chosen = rng.random(len(size)) < flux / flux.max()
     records = encounters(rng, size[chosen], shape[chosen])
     table = KernelTable.of(records, RADIUS, SHEAR_RATE, shapes=1)
-    closure = Closure(table, Grid.primaries(8))
-    r1, r2, r3 = closure.radius_moments(closure.weights(None))[:, 5]
+    estimated = EstimatedRates(table, Grid.primaries(8))
+    r1, r2, r3 = estimated.radius_moments(estimated.weights(None))[:, 5]
     both = outer_radius(np.array([6, 6]), np.array([1.0, 40.0]))
     for found, power in ((r1, 1), (r2, 2), (r3, 3)):
         assert found == pytest.approx((both**power).mean(), rel=0.03)
@@ -195,10 +195,10 @@ def test_radii_are_per_aggregate_though_encounters_favour_the_large():
 def test_variance_by_adjoint_is_the_variance_of_draws(outcomes):
     """120 draws give their deviation to 6.5 % (one sigma): the two agree within 25 %."""
     _, start = known_sizes()
-    closure = closure_of(design(np.random.default_rng(3), 6000, LARGEST), outcomes)
-    steady = steady_state(closure.mean, start)
-    shares = variance_shares(closure, steady, mean_size_gradient(closure.mean, steady.population))
-    drawn = draws_of(closure, steady_output(start, guess=steady.population), 120)
+    estimated = closure_of(design(np.random.default_rng(3), 6000, LARGEST), outcomes)
+    steady = steady_state(estimated.mean, start)
+    shares = variance_shares(estimated, steady, mean_size_gradient(estimated.mean, steady.population))
+    drawn = draws_of(estimated, steady_output(start, guess=steady.population), 120)
     assert shares.deviation == pytest.approx(float(drawn.mean_size.std()), rel=0.25)
     assert shares.table().shape == (LARGEST, LARGEST)
 
@@ -209,9 +209,11 @@ def test_next_encounters_go_where_they_help():
     first = design(np.random.default_rng(5), 1500, LARGEST)
 
     def deviation(records):
-        closure = closure_of(records)
-        steady = steady_state(closure.mean, start)
-        return closure, variance_shares(closure, steady, mean_size_gradient(closure.mean, steady.population))
+        estimated = closure_of(records)
+        steady = steady_state(estimated.mean, start)
+        return estimated, variance_shares(
+            estimated, steady, mean_size_gradient(estimated.mean, steady.population)
+        )
 
     _, shares = deviation(first)
     trials = shares.next_trials(3000)
@@ -229,22 +231,22 @@ def test_next_encounters_go_where_they_help():
 def test_extrapolation_is_flagged():
     records = design(np.random.default_rng(0), 2000, 8)
     table = KernelTable.of(records, RADIUS, SHEAR_RATE, shapes=1)
-    closure = Closure(table, Grid.primaries(LARGEST))
-    assert not closure.extrapolated[:8, :8].any()
-    assert closure.extrapolated[8:].all()
+    estimated = EstimatedRates(table, Grid.primaries(LARGEST))
+    assert not estimated.extrapolated[:8, :8].any()
+    assert estimated.extrapolated[8:].all()
     start = Grid.primaries(LARGEST).monodisperse(NUMBER)
-    assert closure.extrapolated_flux(start) == 0.0
-    assert closure.extrapolated_flux(np.ones(LARGEST)) > 0.3
+    assert estimated.extrapolated_flux(start) == 0.0
+    assert estimated.extrapolated_flux(np.ones(LARGEST)) > 0.3
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_every_draw_is_physical(seed):
-    closure = closure_of(design(np.random.default_rng(0), 300, LARGEST))
+    estimated = closure_of(design(np.random.default_rng(0), 300, LARGEST))
     rng = np.random.default_rng(seed)
-    p = closure.probabilities(closure.weights(rng), rng)
+    p = estimated.probabilities(estimated.weights(rng), rng)
     assert np.all(p >= 0)
     np.testing.assert_allclose(p.sum(axis=1), 1)
-    balance = closure.balance(rng)
+    balance = estimated.balance(rng)
     state = balance.state(np.random.default_rng(1).random(LARGEST))
     rate = balance.rhs(0, state)
     assert abs(rate @ balance.conserved)[0] < 1e-13 * np.abs(rate) @ balance.conserved[:, 0]
@@ -253,10 +255,10 @@ def test_every_draw_is_physical(seed):
 def test_a_table_without_breakup_still_makes_a_file_and_a_balance(tmp_path):
     records = design(np.random.default_rng(0), 4000, LARGEST)
     records = records.select(np.isin(records.outcome, (MISSED, AGGREGATION)))
-    closure = closure_of(records)
-    closure.table.save(tmp_path / "k.nc")
+    estimated = closure_of(records)
+    estimated.table.save(tmp_path / "k.nc")
     assert KernelTable.load(tmp_path / "k.nc").to_dataset().fragment_mass_density.sum() == 0
-    balance = closure.mean
+    balance = estimated.mean
     assert np.isfinite(balance.rhs(0, balance.state(Grid.primaries(LARGEST).monodisperse(1.0)))).all()
 
 
@@ -335,13 +337,13 @@ def test_bad_records_and_files_are_refused(tmp_path):
     with pytest.raises(PBEError, match="expected a kernel table"):
         KernelTable.load(tmp_path / "no.nc")
     with pytest.raises(PBEError, match="whole primaries"):
-        Closure(KernelTable.of(records, 1, 1, shapes=1), Grid.geometric(1, 10))
+        EstimatedRates(KernelTable.of(records, 1, 1, shapes=1), Grid.geometric(1, 10))
     gone = dataclasses.replace(
         records,
         outcome=np.full(20, UNRESOLVED),
     )
     with pytest.raises(PBEError, match="no resolved"):
-        Closure(KernelTable.of(gone, 1, 1, shapes=1), Grid.primaries(4))
+        EstimatedRates(KernelTable.of(gone, 1, 1, shapes=1), Grid.primaries(4))
 
 
 def test_unresolved_encounters_are_left_out_and_counted():
@@ -349,9 +351,9 @@ def test_unresolved_encounters_are_left_out_and_counted():
     missed = np.flatnonzero(records.outcome == MISSED)[:100]
     outcome = records.outcome.copy()
     outcome[missed] = UNRESOLVED
-    closure = closure_of(dataclasses.replace(records, outcome=outcome))
-    assert closure.unresolved == pytest.approx(0.1)
-    assert len(closure.records) == 900
+    estimated = closure_of(dataclasses.replace(records, outcome=outcome))
+    assert estimated.unresolved == pytest.approx(0.1)
+    assert len(estimated.records) == 900
 
 
 def test_the_default_grid_follows_the_table():

@@ -1,5 +1,6 @@
 """Every notebook runs to its end, and is stored without its output."""
 
+import ast
 from pathlib import Path
 
 import pytest
@@ -38,3 +39,30 @@ def test_notebook_runs(path, monkeypatch):
     assert any(
         output.output_type != "stream" for cell in notebook.cells for output in cell.get("outputs", [])
     )
+
+
+FACES = {"mcdem", "pbekit", "pbekit.figures"} | {
+    f"{package}.{folder.name}"
+    for package in ("mcdem", "pbekit")
+    for folder in (NOTEBOOKS[0].parents[1] / package).iterdir()
+    if (folder / "__init__.py").is_file() and folder.name != "commands"
+}
+"""What a notebook may import of: the packages, and pbekit's figures."""
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_uses_public_names_alone(path):
+    source = "\n".join(
+        cell.source.replace("%", "#", 1) if cell.source.startswith("%") else cell.source
+        for cell in nbformat.read(path, as_version=4).cells
+        if cell.cell_type == "code"
+    )
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            named = {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            named = {node.module or ""}
+        else:
+            continue
+        ours = {name for name in named if name.partition(".")[0] in ("mcdem", "pbekit")}
+        assert ours <= FACES, ours - FACES

@@ -16,16 +16,16 @@ LATE = 0.6
 
 def measure(context: Context):
     """The run, the balance, and single runs to come that the balance's table leaves open, over the same times."""
-    from pbekit.estimated_rates.closures import Closure, grid_for, start_of
+    from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
     from pbekit.solution.finite_population import population_course
     from pbekit.study.uncertainty import course_output
 
     table, run = datasets.kernels(), datasets.series()
     times = np.linspace(0.0, run.time[-1], 81)
-    closure = Closure(table, grid_for(table))
-    balance = course_output(start_of(closure.grid, table), times, rtol=1e-5)(closure.mean)
+    estimated = EstimatedRates(table, grid_for(table))
+    balance = course_output(start_of(estimated.grid, table), times, rtol=1e-5)(estimated.mean)
     single = population_course(
-        closure, float(table.about["volume_fraction"]), times, initial=run.initial, replicas=60 if context.quick else 400,
+        estimated, float(table.about["volume_fraction"]), times, initial=run.initial, replicas=60 if context.quick else 400,
         seed=context.seed, steady_from=LATE * times[-1], drawn=True,
     )  # fmt: skip
     late = times >= LATE * times[-1]
@@ -104,7 +104,7 @@ CASE = Case(
     claim="The balance on a run's tabulated encounters gives that run's sizes back: the run cannot be told from a single run of "
     "the balance's own rules in a sample as large.",
     source="notebooks/data: the longest run at 1000 Pa, and the table of its encounters with designed ones (README there); "
-    "rules: pbekit/estimated_rates/closures.py, drawn one at a time by pbekit/solution/finite_population.py",
+    "rules: pbekit/estimated_rates/estimated rates.py, drawn one at a time by pbekit/solution/finite_population.py",
     tolerance="a rank among single runs above 2 %; late means within 15 %, some four times the scatter of single runs",
     measure=measure,
     judge=judge,

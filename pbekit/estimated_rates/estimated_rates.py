@@ -127,7 +127,7 @@ def extrapolated_shares(changes: np.ndarray, mass: np.ndarray, guessed: np.ndarr
     return number, weighted
 
 
-class Closure:
+class EstimatedRates:
     """A table on a grid.
 
     outcomes : "table" (classes, with the law as prior) or "smooth" (the law alone)
@@ -518,9 +518,9 @@ class Closure:
         """The table, for those that take one or two."""
         return (self.table,)
 
-    def on(self, grid: Grid) -> Closure:
+    def on(self, grid: Grid) -> EstimatedRates:
         """The same table on another grid."""
-        return Closure(self.table, grid, *self._options)
+        return EstimatedRates(self.table, grid, *self._options)
 
     @cached_property
     def _meetings(self) -> tuple[np.ndarray, np.ndarray]:

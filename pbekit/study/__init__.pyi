@@ -1,0 +1,12 @@
+from .ablation import switch_table as switch_table
+from .compare import Comparison as Comparison
+from .compare import compare_table as compare_table
+from .compare import volume_fractions as volume_fractions
+from .evidence import Evidence as Evidence
+from .evidence import supported_steady_state as supported_steady_state
+from .monte_carlo import MonteCarlo as MonteCarlo
+from .over_stresses import efficiencies as efficiencies
+from .over_stresses import stress_law as stress_law
+from .solve_table import open_table as open_table
+from .uncertainty import band as band
+from .uncertainty import draws_of as draws_of
