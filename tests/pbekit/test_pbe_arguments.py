@@ -43,7 +43,6 @@ OPEN = PopulationBalance(GRID, [Aggregation(1.0)])
 CLOSED = PopulationBalance(GRID, [Aggregation(1.0)], edge="closed")
 START = GRID.monodisperse(1.0)
 TIMES = np.linspace(0.0, 1.0, 3)
-RATES = EstimatedRates(TABLE, GRID)
 SHAPED = GRID.with_shapes([1, 2, 3])
 
 
@@ -54,6 +53,7 @@ def table(largest: int, **about) -> KernelTable:
 
 
 TABLE = table(7)
+RATES = EstimatedRates(TABLE, GRID)
 NARROW, WIDER = table(7, viscosity=1.0), table(11, viscosity=2.0)
 
 
