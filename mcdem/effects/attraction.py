@@ -15,7 +15,7 @@ from mcdem.quantities.units import ENERGY, LENGTH
 class Attraction(EffectTable):
     """An attraction of two primaries that falls as the square of their distance."""
 
-    hamaker_constant: Annotated[float, ENERGY.positive.between("1e-60 J", "1e-15 J")]
+    hamaker_constant: Annotated[float, ENERGY.positive.between("1e-60 J", "1e-12 J")]
     """Hamaker constant A_H of solid against solid through the medium."""
     minimum_approach: Annotated[float, LENGTH.positive.between("1e-15 m", "1 mm", '"0.165 nm"')]
     """Molecular roughness l0 that keeps the attraction finite at contact."""

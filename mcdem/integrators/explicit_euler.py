@@ -47,7 +47,7 @@ class Keys(Table):
     """Base time step dt_b (Table 1)."""
     step_velocity: Literal["relative", "normal"] = "relative"
     """Velocity that Eq. 20 bounds: "relative", its literal convention, or "normal", that along the line of centres."""
-    close_gap: Annotated[float, DIMENSIONLESS.positive.between("1e-9", "1e4", "1")] = 1.0
+    close_gap: Annotated[float, DIMENSIONLESS.positive.between("1e-15", "1e4", "1")] = 1.0
     """Gap over radius below which Eq. 20 counts two primaries as close; the paper does not say (assumption)."""
 
 

@@ -110,8 +110,8 @@ def solve_table(
     -------
     `number` (time, cell) [1/m^3] with its moments `mean_size`, `size_deviation`, `sauter_diameter` [m] and more over `time`
     [s]; `*_low`, `*_high`: 90 % bands, where draws were asked for; `extrapolated_mass` (time): share of the mass that changes
-    size which meets in classes nobody sampled.  Where encounters that were seen bear a steady state: `steady_number` (cell)
-    and the attributes `steady_mean_size`, `steady_relative_deviation`, `steady_sauter_diameter` with their bands; else the
+    size which meets in classes nobody sampled.  Where encounters that were seen bear a steady state: `steady_number` (cell),
+    `steady_share` (size), the share in number of each size, with its bands, and the attributes `steady_mean_size`, `steady_relative_deviation`, `steady_sauter_diameter` with their bands; else the
     attribute `no_steady_state` says what is missing and how to get it.
 
     Raises
@@ -193,7 +193,7 @@ class _Output:
         found: dict[str, Any] = dict(self.course(balance))
         if self.settled is not None:
             steady = self.settled(balance)
-            found |= {f"steady_{name}": steady[name] for name in STEADY}
+            found |= {f"steady_{name}": steady[name] for name in (*STEADY, "share")}
         return found
 
 
@@ -224,6 +224,14 @@ def _put_steady(data: xr.Dataset, estimated, steady: SteadyState | None) -> None
     note = {"units": "m-3", "long_name": "steady number concentration"}
     data["steady_number"] = ("cell", steady.population, note)
     summary = steady_summary(steady.balance, steady.population)
+    grid = steady.balance.grid
+    size = np.bincount(grid.size_of_cell, grid.mass) / np.bincount(grid.size_of_cell)
+    data["steady_share"] = (
+        "size",
+        summary["share"],
+        {"units": "1", "long_name": "share in number at steady state"},
+    )
+    data.coords["size"] = ("size", size, {"units": "1", "long_name": "primaries of an aggregate"})
     number, heavy = estimated.extrapolated_changes(steady.population)
     data.attrs |= {f"steady_{name}": float(summary[name]) for name in STEADY}
     data.attrs |= {
@@ -244,15 +252,15 @@ def _put_bands(data: xr.Dataset, estimated, output: _Output, error, chosen: Opti
         chosen.scheme,
     )
     for name in drawn.data_vars:
-        value = data.attrs[name] if str(name).startswith("steady_") else data[name].values
+        value = data.attrs[name] if name in data.attrs else data[name].values
         rows = drawn[name].values
         limits = error[name].widened(value, rows, estimated.gap) if name in error else band(rows)
         for end, values in zip(("low", "high"), limits, strict=True):
-            if str(name).startswith("steady_"):
+            if name in data.attrs:
                 data.attrs[f"{name}_{end}"] = float(values)
             else:
                 note = {"units": data[name].attrs.get("units", "1"), "long_name": f"90 % band of {name}"}
-                data[f"{name}_{end}"] = ("time", values, note)
+                data[f"{name}_{end}"] = (data[name].dims, values, note)
 
 
 def _take_back_without_limit(data: xr.Dataset) -> None:
@@ -260,7 +268,8 @@ def _take_back_without_limit(data: xr.Dataset) -> None:
     limit = data.attrs.get("steady_mean_size_high", 0.0)
     if np.isfinite(limit):
         return
-    del data["steady_number"]
+    for name in [name for name in data.data_vars if str(name).startswith("steady_")]:
+        del data[name]
     for name in [name for name in data.attrs if str(name).startswith("steady_")]:
         del data.attrs[name]
     data.attrs["no_steady_state"] = (

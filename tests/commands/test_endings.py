@@ -35,7 +35,7 @@ from pbekit.commands.main import app
 from pbekit.tables.kernel_table import KernelTable
 
 ROOT = Path(__file__).parents[2]
-SCRIPT = Path(__file__).with_name("interrupted_program.py")
+SCRIPT = Path(__file__).parents[1] / "helpers" / "interrupted_program.py"
 SCENE = ROOT / "scenes" / "quickstart.toml"
 ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(SCRIPT.parent)])}
 

@@ -202,7 +202,12 @@ def test_doublet_tension_converges_to_statics():
     errors = []
     for step in (0.1, 0.05, 0.025):
         scene = PAPER.with_changes(
-            {"numerics.implicit.max_step": step, "numerics.rotations": 1, **WITHOUT_SHORTCUTS}
+            {
+                "numerics.implicit.max_step": step,
+                "numerics.rotations": 1,
+                "numerics.start_distance": 25,
+                **WITHOUT_SHORTCUTS,
+            }
         )
         result = encounter(scene, doublet, MONOMER, (60.0, 20.0), orient=False)
         assert result.outcome == "missed"

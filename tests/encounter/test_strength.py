@@ -69,19 +69,22 @@ def test_an_octahedron_is_loaded_alike_in_all_its_poses_at_every_level(level):
 def test_the_figure_tells_rigid_from_floppy_aggregates(monkeypatch):
     run = RunDataset(small_runs()[1])
     assert static_load([run]) is None  # its made-up aggregates are all floppy
-    corners = tetrahedron(SCENE).positions
-    outward = corners[1:].mean(axis=0) / np.linalg.norm(corners[1:].mean(axis=0))
-    capped = [*corners, corners[1:].mean(axis=0) + outward * TOUCH * math.sqrt(2 / 3)]
+    # Tetrahedra face to face (Boerdijk & Coxeter): rigid at every size.
+    helix = list(tetrahedron(SCENE).positions)
+    while len(helix) < 14:
+        helix.append(2.0 / 3.0 * (helix[-1] + helix[-2] + helix[-3]) - helix[-4])
+    rigid = [np.array(helix[:size]) for size in range(4, 15)]
     shapes = [
-        Aggregate.from_positions(SCENE, np.array(positions))
-        for positions in (corners, capped, octahedron_centres(), [[0, 0, k * TOUCH] for k in range(5)])
+        Aggregate.from_positions(SCENE, positions)
+        for positions in (*rigid, np.array([[0.0, 0.0, k * TOUCH] for k in range(5)]))
     ]
     monkeypatch.setattr(RunDataset, "aggregates", lambda self, snapshot: shapes)
     figure = static_load([run])
     assert figure is not None
     numbers, snapshots = figure.numbers, len(run.late_snapshots)
-    assert (numbers.sizes["aggregate"], numbers.attrs["floppy"]) == (3 * snapshots, snapshots)
-    loads = worst_loads(run.scene, shapes)
-    np.testing.assert_allclose(numbers["load"].values[:3], loads[:3], rtol=1e-12)
-    slope = np.polyfit(np.log([4, 5, 6]), np.log(loads[:3]), 1)[0]
+    count = len(rigid)
+    assert (numbers.sizes["aggregate"], numbers.attrs["floppy"]) == (count * snapshots, snapshots)
+    loads = worst_loads(run.scene, shapes)[:count]
+    np.testing.assert_allclose(numbers["load"].values[:count], loads, rtol=1e-12)
+    slope = np.polyfit(np.log(range(4, 15)), np.log(loads), 1)[0]
     np.testing.assert_allclose(numbers["exponent"].values[0], slope, rtol=1e-9)

@@ -28,8 +28,8 @@ combinations = pytest.mark.parametrize(
     "names", [("rods", "twisting"), pytest.param(ALL, marks=pytest.mark.slow)], ids="+".join
 )
 WELDED = {  # limits that nothing reaches
-    "effects.rods.largest_displacement": "1 m",
-    "effects.twisting.friction_coefficient": 1e9,
+    "effects.rods.largest_displacement": "400 nm",
+    "effects.twisting.friction_coefficient": 1e6,
 }
 
 

@@ -117,7 +117,7 @@ def test_paths_after_the_pass_keep_to_exact_ones(offset):
     """A hundredth of a radius, where a release at 1.5 (R_i + R_j) strayed by 0.06 to 0.09."""
     from validation.hard_cases.edges import stray
 
-    fine = SMOOTH.with_changes({"numerics.max_step": 0.1})
+    fine = SMOOTH.with_changes({"numerics.implicit.max_step": 0.1})
     assert stray(offset, 40.0 if offset[1] > 0.5 else 15.0)(fine) < 0.01
 
 
@@ -131,7 +131,11 @@ def test_paths_after_the_pass_keep_to_exact_ones(offset):
 def test_pairs_that_come_back_are_caught(stress, x0, expected):
     """Critical offsets of exact trajectories, orbits that come back included (`validation/hard_cases/edges.py`)."""
     scene = mcdem.load_scene("scenes/paper-750Pa.toml").with_changes(
-        {"flow.shear_stress": stress, "hydrodynamics.lubrication_cutoff": 0.0, "numerics.max_step": 0.1}
+        {
+            "flow.shear_stress": stress,
+            "hydrodynamics.lubrication_cutoff": 0.0,
+            "numerics.implicit.max_step": 0.1,
+        }
     )
     radius = scene.suspension.radius
     assert capture.critical_offset(scene, x0 * radius) / radius == pytest.approx(expected, rel=0.01)

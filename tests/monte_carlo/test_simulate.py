@@ -397,7 +397,7 @@ def test_a_clock_that_jumps_does_not_touch_the_process(reference, tmp_path, monk
 
 def test_a_disk_that_fills_while_a_run_goes_is_told_and_costs_nothing(reference, tmp_path, monkeypatch):
     """The disk fills at the third writing: one clear line; what was written before is whole, and the run goes on from it."""
-    from mcdem.netcdf import whole_files as files
+    from pbekit import files
 
     path, writings = tmp_path / "run.nc", []
 

@@ -38,15 +38,15 @@ def test_the_quickstart_runs(tmp_path, monkeypatch):
     """Word for word, but for the installation and with a stop after three encounters."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scenes").symlink_to(ROOT / "scenes")
-    (tmp_path / "docs").mkdir()
     (command,) = re.findall(r"<!-- quickstart -->\n```bash\n(.*)\n```", README)
     words = [shlex.split(part)[1:] for part in command.split(" && ") if part.startswith(".venv/bin/mcdem ")]
     assert [arguments[0] for arguments in words] == ["run", "plot"]
     for arguments in (words[0] + ["--events", "3", "--workers", "1"], words[1]):
         done = CliRunner().invoke(app, arguments)
         assert done.exit_code == 0, done.output
-    assert f'<img src="{words[1][-1]}"' in README
-    assert (tmp_path / words[1][-1]).read_bytes().startswith(b"\x89PNG")
+    picture = words[1][words[1].index("-o") + 1]
+    assert f'<img src="docs/{picture}"' in README
+    assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_python_runs(capsys, monkeypatch):
