@@ -297,7 +297,7 @@ import tempfile
 sys.path[:0] = {paths!r}
 import resource
 resource.setrlimit(resource.RLIMIT_FSIZE, (3000, resource.RLIM_INFINITY))
-from {program}.cli import app
+from {program}.commands.main import app
 app({arguments!r}, prog_name={program!r})
 """
 
