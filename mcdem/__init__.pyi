@@ -13,6 +13,7 @@ from .free_spheres import Velocities as Velocities
 from .free_spheres import velocities as velocities
 from .kernel_tables import steady_shares as steady_shares
 from .kernel_tables import tabulate as tabulate
+from .kernel_tables import with_runs as with_runs
 from .monte_carlo.run_control import RunSummary as RunSummary
 from .monte_carlo.run_control import run as run
 from .opened_run import OpenedRun as OpenedRun

@@ -105,6 +105,27 @@ def same_physics(one: Scene, other: Scene) -> str | None:
     return None if one.suspension.radius == other.suspension.radius else "suspension"
 
 
+def with_runs(designed: KernelTable, runs: Sequence[RunDataset]) -> KernelTable:
+    """The table that `tabulate` made of these runs, from its designed encounters alone and the event logs again.
+
+    designed : a table of which only the designed encounters were kept; its classes stay as they are
+    runs : those that it names in `about["runs"]`
+
+    Raises `UserError` for other runs.
+    """
+    names = " ".join(run.path.name for run in runs)
+    if names != designed.about["runs"]:
+        raise UserError(f"runs = {names}: expected {designed.about['runs']}, with which the table was made")
+    return designed.with_records(
+        Records.join([*(records_of_run(run) for run in runs), only_designed(designed).records])
+    )
+
+
+def only_designed(table: KernelTable) -> KernelTable:
+    """The designed encounters of a table, in its classes; `with_runs` gives it back."""
+    return table.with_records(table.records.select(table.records.source == SOURCES.index("designed")))
+
+
 # -- aggregates to draw from ------------------------------------------------------------------------------------------
 
 
@@ -484,7 +505,7 @@ def _designed(path: Path, base: KernelTable) -> Records:
         raise DataFileError(
             f"{path}: the runs have gone on since it was begun and its classes changed; use --overwrite"
         )
-    return old.records.select(old.records.source == SOURCES.index("designed"))
+    return only_designed(old).records
 
 
 def _classes_of(pair: int) -> tuple[int, int]:

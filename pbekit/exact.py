@@ -63,20 +63,6 @@ def two_component_constant(first, second, time: float, number: float, rate: floa
     return np.where(k > 0, number * np.exp(log), 0.0)
 
 
-def gelbard_seinfeld(
-    first, second, time: float, number: float, mean_first: float, mean_second: float, rate: float
-):
-    """n(x, y), constant kernel, from number exp(-x/x0 - y/y0)/(x0 y0) (Gelbard & Seinfeld 1978, two components).
-
-    An aggregate of k parts has gamma(k) distributions of both masses; summed over k they give a Bessel I0.
-    """
-    x, y = np.asarray(first, float) / mean_first, np.asarray(second, float) / mean_second
-    t = 0.5 * rate * number * time
-    z = 2 * np.sqrt(x * y * t / (1 + t))
-    scale = number / (mean_first * mean_second * (1 + t) ** 2)
-    return scale * special.ive(0, z) * np.exp(z - x - y)
-
-
 def rectangle_breakage_moment(order, time: float, initial: float, rate: float):
     """M_pq of breakage at a constant rate with b = 2/(x' y'): initial exp((2/((p+1)(q+1)) - 1) s t)."""
     p, q = order

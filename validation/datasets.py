@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 FOLDER = Path(__file__).parent.parent / "notebooks" / "data"
 SAVED = Path(__file__).parent / "data"
 """Samples and tables that take long to make; its README tells the commands."""
-KERNELS, SERIES = FOLDER / "kernels-1000Pa.nc", FOLDER / "run-1000Pa.nc"
-"""Encounters in a table, and the series and sizes of the run that they are from."""
+DESIGNED, SERIES = FOLDER / "designed-1000Pa.nc", FOLDER / "run-1000Pa.nc"
+"""Designed encounters of a table, and the run that the others are from."""
 FRACTAL_MOTION = Path(__file__).parent / "data" / "fractal_motion.json"
 ABSENT_EFFECTS = SAVED / "absent_effects.csv"
 
@@ -35,10 +35,12 @@ def fractal_motion() -> dict[str, dict[str, Any]]:
 
 
 def kernels() -> KernelTable:
-    """The committed table of encounters."""
+    """The table of the encounters of the run at 1000 Pa and of those designed."""
+    from mcdem.analysis.dataset import RunDataset
+    from mcdem.kernel_tables import with_runs
     from pbekit.tables.kernel_table import KernelTable
 
-    return KernelTable.load(KERNELS)
+    return with_runs(KernelTable.load(DESIGNED), [RunDataset(SERIES)])
 
 
 def series() -> MonteCarlo:

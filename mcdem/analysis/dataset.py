@@ -16,7 +16,7 @@ from mcdem.aggregates.morphology import Inertia, population_morphology
 from mcdem.analysis.breakup import Convention, breakups, summarise
 from mcdem.analysis.statistics import SteadyState, TimeAverage, find_steady_state, origins_of, time_average
 from mcdem.errors import DataFileError, UserError
-from mcdem.monte_carlo.record import EXPECTED, opened
+from mcdem.monte_carlo.record import EXPECTED, event_columns, opened
 from mcdem.netcdf.whole_files import FILES
 from mcdem.scene import Scene
 
@@ -35,13 +35,14 @@ class RunDataset:
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
-        with opened(self.path):
-            pass  # one of ours, and whole
+        with opened(self.path) as (file,):
+            columns = event_columns(file)
         with FILES.reading(self.path, EXPECTED):
             with xr.open_dataset(self.path, decode_times=False) as root:
                 self.series, self.attributes = root.load(), dict(root.attrs)
-            with xr.open_dataset(self.path, group="events", decode_times=False) as group:
-                self.events = group.load()
+            self.events = xr.Dataset(
+                {name: (of.dimensions, of.values, of.attributes) for name, of in columns.items()}
+            )
             with xr.open_dataset(self.path, group="snapshots", decode_times=False) as group:
                 self._snapshots = group.load()
             self.scene = Scene.from_dataset(self.attributes["scene"], self.path)

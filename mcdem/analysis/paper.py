@@ -32,7 +32,6 @@ SMALLEST_ASPECT_RATIO = 1.2
 
 COORDINATION = (5.0, 6.0)
 """n_c of aggregates of more than 15 primaries, 1000 Pa; section 3.2."""
-LARGEST_COORDINATION = 12.0
 
 BREAKUP_EXPONENT = 2.0
 """q in P_br ~ stress^-q, and of <P> as well; section 3.3."""

@@ -13,6 +13,7 @@ The attribute `history` has a line for each call of `run` that computed a part: 
 
 The file is always whole: it is made in memory, written beside its place, and moved there in one step.  It ends in a
 checksum of all its bytes (`pbekit.files`).  The geometry of the last snapshot is the state from which a run is resumed.
+`mcdem compress` writes layout 2, in which /events alone is told in fewer bytes; `event_columns` reads either.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from mcdem.encounter.simulate import OUTCOMES
 from mcdem.errors import DataFileError
 from mcdem.monte_carlo.event_selection import Meeting
 from mcdem.monte_carlo.population import Product, SamplePopulation
+from mcdem.netcdf.compact_events import compacted, expanded, replaced
 from mcdem.netcdf.whole_files import FILES, RUN, SEALED
 
 if TYPE_CHECKING:
@@ -49,10 +51,13 @@ if TYPE_CHECKING:
 TITLE = "mcdem run: shear aggregation and breakup of colloidal aggregates"
 FORMAT = 1
 """Version of the layout."""
+COMPACT = 2
+"""Version of the layout of `mcdem compress`: as above, but /events in few bytes (`mcdem.netcdf.compact_events`)."""
 
 TIMING = ("cpu_time",)
 """Variables that measure the machine, not the suspension."""
 ORIGIN_OF_THE_WRITING = (
+    "format",
     "command",
     "date_modified",
     "software",
@@ -478,7 +483,7 @@ class Record:
             _refuse_another_scene(path, str(file.scene), scene)
             record = cls(scene, int(file.seed), tuple(str(file.keep_parents).split()))
             _get(file, {"row": record.series})
-            _get(file["events"], {"event": record.events, "product": record.products})
+            _get(file["events"], {"event": record.events, "product": record.products}, event_columns(file))
             _get(
                 file["snapshots"],
                 {"snapshot": record.snapshots.times, **record.snapshots.geometries.tables},
@@ -564,14 +569,65 @@ def _put(group: netCDF4.Dataset, tables: dict[str, Columns]) -> None:
             stored[:] = column
 
 
-def _get(group: netCDF4.Dataset, tables: dict[str, Columns]) -> None:
+def _get(group: netCDF4.Dataset, tables: dict[str, Columns], found: dict[str, Column] | None = None) -> None:
+    """Fill tables from the variables of the group, or from `found`."""
     group.set_auto_mask(False)
     for row, table in tables.items():
-        rows = len(group.dimensions[row])
         columns = {
-            name: _column(group[name]) if name in group.variables else np.nan for name in table.variables
+            name: (_column(group[name]) if name in group.variables else np.nan)
+            if found is None
+            else (found[name].values if name in found else np.nan)
+            for name in table.variables
         }
-        table.extend(rows, **columns)
+        table.extend(len(group.dimensions[row]), **columns)
+
+
+class Column(NamedTuple):
+    """A variable as it is in a file, or would be in one of the plain layout."""
+
+    dimensions: tuple[str, ...]
+    attributes: dict[str, Any]
+    values: NDArray[Any]
+
+
+def event_columns(file: netCDF4.Dataset) -> dict[str, Column]:
+    """Every column of /events, of either layout."""
+    group = file["events"]
+    group.set_auto_maskandscale(False)
+    stored = {
+        name: Column(v.dimensions, {key: v.getncattr(key) for key in v.ncattrs()}, v[...])
+        for name, v in group.variables.items()
+    }
+    if file.getncattr("format") != COMPACT:
+        return stored
+    file.set_auto_maskandscale(False)
+    times = file["time"][:][len(file.dimensions["row"]) - len(group.dimensions["event"]) :]
+    found = expanded({name: column.values for name, column in stored.items()}, times)
+    return {
+        name: stored[name] if name in stored else _restored(row, variable, found[name])
+        for row, table in (("event", EVENTS), ("product", PRODUCTS))
+        for name, variable in table.items()
+        if name in found
+    }
+
+
+def _restored(row: str, variable: Variable, values: NDArray[Any]) -> Column:
+    told = {"units": variable.units, "long_name": variable.long_name, **dict(variable.attributes)}
+    return Column((row, *(name for name, _ in variable.shape)), told, values)
+
+
+def compact_columns(columns: dict[str, Column]) -> dict[str, Column]:
+    """The columns of /events as the compact layout stores them."""
+    values = {name: column.values for name, column in columns.items()}
+    gone = replaced(columns)
+    return {name: column for name, column in columns.items() if name not in gone} | {
+        name: Column(dimensions, {"units": _unit_of(name), "long_name": meaning}, array)
+        for name, (dimensions, meaning, array) in compacted(values).items()
+    }
+
+
+def _unit_of(name: str) -> str:
+    return PRODUCTS[f"product_{name.removesuffix('_value')}"].units if name.endswith("_value") else "1"
 
 
 def _shapes(
@@ -647,11 +703,11 @@ def opened(*paths: Path) -> Iterator[tuple[netCDF4.Dataset, ...]]:
 def _opened(path: Path) -> netCDF4.Dataset:
     file = netCDF4.Dataset(path)
     title, layout, writer = (getattr(file, name, None) for name in ("title", "format", "software"))
-    if title == TITLE and layout == FORMAT:
+    if title == TITLE and layout in (FORMAT, COMPACT):
         return file
     file.close()
     if title == TITLE:
         raise DataFileError(
-            f"{path}: layout {layout}, expected {FORMAT}; written by another version: {writer}"
+            f"{path}: layout {layout}, expected {FORMAT} or {COMPACT}; written by another version: {writer}"
         )
     raise DataFileError(f"{path}: a NetCDF file of another kind; expected {EXPECTED}")

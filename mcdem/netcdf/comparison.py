@@ -10,7 +10,7 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from mcdem.monte_carlo.record import ORIGIN_OF_THE_WRITING, TIMING, opened
+from mcdem.monte_carlo.record import ORIGIN_OF_THE_WRITING, TIMING, event_columns, opened
 
 
 def differences(one: Path | str, other: Path | str) -> list[str]:
@@ -40,11 +40,17 @@ def _differences(a: netCDF4.Dataset, b: netCDF4.Dataset, where: str) -> Iterator
     for node in (a, b):
         node.set_auto_maskandscale(False)
     yield from compare("attribute", attributes(a), attributes(b))
-    yield from compare(
-        "variable",
-        {n: v[...] for n, v in a.variables.items() if n not in TIMING},
-        {n: v[...] for n, v in b.variables.items() if n not in TIMING},
-    )
+
+    def values(node: netCDF4.Dataset) -> dict[str, Any]:
+        # The log of encounters is laid out in one of two ways.
+        found = (
+            {n: column.values for n, column in event_columns(node.parent).items()}
+            if where == "/events" and node.parent is not None
+            else {n: v[...] for n, v in node.variables.items()}
+        )
+        return {n: v for n, v in found.items() if n not in TIMING}
+
+    yield from compare("variable", values(a), values(b))
     for name in sorted(a.groups.keys() | b.groups.keys()):
         if name not in a.groups or name not in b.groups:
             yield f"{where}/{name}: group of one only"

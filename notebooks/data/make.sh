@@ -3,8 +3,8 @@
 #
 #     bash notebooks/data/make.sh WORK [STEP...]        steps: runs switches tables sensitivity paper_scheme; all by default
 #
-# Whole runs go to the folder WORK and are continued from there, so it may be stopped at any time and called again; results
-# go to WORK/data. Two runs at a time need about four hours in all; JOBS=8 makes it eight at a time.
+# Whole runs and tables go to the folder WORK and are continued from there, so it may be stopped at any time and called again;
+# results go to WORK/data. Two runs at a time need about four hours in all; JOBS=8 makes it eight at a time.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 scenes=$(cd "$here/../../scenes" && pwd)
@@ -16,13 +16,12 @@ for step in $steps; do
     [[ " $all " == *" $step "* ]] || { echo "no step $step; expected some of: $all" >&2; exit 2; }
 done
 command -v mcdem >/dev/null || { echo "mcdem is not on the path: activate the environment it is installed in" >&2; exit 2; }
-mkdir -p "$work/data/switches"
+mkdir -p "$work/data"
 cd "$work"
 export OPENBLAS_NUM_THREADS=1
 
 # name, stress [Pa], primaries at the start, seed, until [s]
 runs='
-growth-750Pa 750 200 1 32
 run-1000Pa 1000 200 1 130
 run-1000Pa-of-100-seed-2 1000 100 2 120
 run-750Pa-of-100 750 100 1 108
@@ -59,9 +58,8 @@ if [[ $steps == *switches* ]]; then
         sed -e "s/^initial = .*/initial = 60/" -e "$change" "$scenes/paper-1000Pa.toml" >"$name.toml"
         echo "$name.toml $name.nc 1 60"
     done | xargs -P "${JOBS:-2}" -L 1 bash -c 'follow "$@"' follow
-    grep . <<<"$switches" | while read -r name _; do
-        mcdem compress "$name.nc" -o "data/switches/$name.nc" --every "5 s" --overwrite
-    done
+    python "$here/../../benchmarks/switches.py" {as-given,cutoff-1e-2,cutoff-2e-3,frozen-shapes,rotations-32}.nc \
+        run-1000Pa.nc run-1000Pa-of-100-seed-2.nc --between 36 60 -o data/switches-1000Pa.csv
 fi
 
 cd data
@@ -69,8 +67,13 @@ if [[ $steps == *tables* ]]; then
     for stress in 750 875 1000 1250 1500; do
         run=run-${stress}Pa.nc # the second run at 1000 Pa is left to compare with
         [[ -e $run ]] || run=run-${stress}Pa-of-100.nc
-        mcdem kernels "$scenes/paper-${stress}Pa.toml" --from "$run" -o "kernels-${stress}Pa.nc" \
+        mcdem kernels "$scenes/paper-${stress}Pa.toml" --from "$run" -o "../kernels-${stress}Pa.nc" \
             --encounters 400 --workers 1 --overwrite
+        python -c '
+import sys
+from mcdem.kernel_tables import only_designed
+from pbekit.tables.kernel_table import KernelTable
+only_designed(KernelTable.load(sys.argv[1])).save(sys.argv[2])' "../kernels-${stress}Pa.nc" "designed-${stress}Pa.nc"
     done
 fi
 

@@ -246,9 +246,6 @@ class ShearEncounter(Kernel):
         return 4 / 3 * self.shear_rate * (i.outer_radius + j.outer_radius) ** 3
 
 
-SmoluchowskiShear = ShearEncounter
-
-
 @dataclass(frozen=True)
 class ExtensionEncounter(Kernel):
     """4 pi/(3 sqrt 3) e (R_i + R_j)^3: flux into the sphere of contact in uniaxial extension (Zeichner & Schowalter 1977)."""

@@ -27,6 +27,8 @@ from pbekit.errors import PBEError
 from pbekit.outputs import FILES, TABLE
 
 FORMAT = 1
+SMALL = 4096
+"""Bytes of a variable that is stored as it is."""
 EXPECTED = "a kernel table; make one with mcdem kernels"
 OUTCOMES = (
     "missed",
@@ -524,9 +526,10 @@ class KernelTable:
                 name, np.int32 if value.dtype.kind == "i" else "f4"
             )
             columns[name] = (dims, value.astype(small), note)
-        pack = {name: {"zlib": True, "complevel": 4} for name in columns}
+        # The index of a compressed variable takes as much as compression gains of a small one.
+        pack = {name: {"zlib": True, "complevel": 4} for name, of in columns.items() if of[1].nbytes > SMALL}
         root = self.to_dataset()
-        packed: dict[str, Any] = {str(v): {"zlib": True} for v in root.data_vars if root[v].size > 1}
+        packed: dict[str, Any] = {str(v): {"zlib": True} for v in root.data_vars if root[v].nbytes > SMALL}
         FILES.write_dataset(
             path, TABLE, {"": root, "records": xr.Dataset(columns)}, {"": packed, "records": pack}
         )

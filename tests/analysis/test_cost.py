@@ -105,14 +105,14 @@ def test_without_a_reference_efficiency_there_is_no_error_of_it():
 def test_runs_of_other_primaries_are_refused():
     smaller = PAPER.with_changes({"suspension.radius": "250 nm"})
     with pytest.raises(UserError, match="expected a run of the same suspension"):
-        cost.draw_pairs(smaller, ["notebooks/data/small-1000Pa.nc"], 2, seed=0)
+        cost.draw_pairs(smaller, ["tests/monte_carlo/run_of_before.nc"], 2, seed=0)
 
 
 def test_a_population_of_one_aggregate_is_refused(monkeypatch):
     alone = [mcdem.Aggregate.monomer()]
-    monkeypatch.setattr(cost.Run, "aggregates", lambda self, snapshot: alone)
+    monkeypatch.setattr(cost.RunDataset, "aggregates", lambda self, snapshot: alone)
     with pytest.raises(UserError, match="no late snapshot has two aggregates"):
-        cost.draw_pairs(PAPER, ["notebooks/data/small-1000Pa.nc"], 2, seed=0)
+        cost.draw_pairs(PAPER, ["tests/monte_carlo/run_of_before.nc"], 2, seed=0)
 
 
 def test_the_front_holds_what_nothing_beats():
@@ -152,7 +152,7 @@ def test_the_command_prints_draws_and_names_the_cheapest(tmp_path):
     figure = tmp_path / "cost.png"
     found = CliRunner().invoke(
         app,
-        ["cost", str(scene), "--from", "notebooks/data/small-1000Pa.nc", "--quick", "--encounters", "2"]
+        ["cost", str(scene), "--from", "tests/monte_carlo/run_of_before.nc", "--quick", "--encounters", "2"]
         + ["--workers", "1", "--error", "10", "-o", str(figure)],
     )
     assert found.exit_code == 0, found.output

@@ -17,7 +17,7 @@ from mcdem.encounter.simulate import OUTCOMES
 
 PAPER = mcdem.load_scene("scenes/paper-1000Pa.toml")
 MONOMER = mcdem.Aggregate.monomer()
-RUN = "notebooks/data/small-1000Pa.nc"
+RUN = "tests/monte_carlo/run_of_before.nc"
 
 
 def samples(outcomes, geometry=0.0, fragment=0.5):

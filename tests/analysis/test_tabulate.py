@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 
 import numpy as np
 import pytest
@@ -12,7 +13,16 @@ from typer.testing import CliRunner
 from mcdem.analysis.dataset import RunDataset
 from mcdem.commands.main import app
 from mcdem.errors import DataFileError, UserError
-from mcdem.kernel_tables import ROUND, Library, plan, records_of_run, steady_shares, tabulate
+from mcdem.kernel_tables import (
+    ROUND,
+    Library,
+    only_designed,
+    plan,
+    records_of_run,
+    steady_shares,
+    tabulate,
+    with_runs,
+)
 from mcdem.monte_carlo import executors
 from mcdem.monte_carlo.run_control import run
 from pbekit.errors import PBEError
@@ -77,6 +87,15 @@ def test_designed_encounters_are_of_the_classes_planned(scene, dataset, tmp_path
     planned = plan(before, library, scene.suspension.volume_fraction, 3, 0)
     np.testing.assert_array_equal(designed.pair[:ROUND], planned.pairs)
     assert planned.error is None or planned.error > 0
+    # The designed encounters alone and the run again are the table, from a file too.
+    only_designed(table).save(tmp_path / "designed.nc")
+    kept = KernelTable.load(tmp_path / "designed.nc")
+    assert len(kept.records) == 2 * ROUND + 30
+    shutil.copy(dataset, tmp_path / "other.nc")
+    with pytest.raises(UserError, match=r"runs = other.nc: expected .*, with which"):
+        with_runs(kept, [RunDataset(tmp_path / "other.nc")])
+    with_runs(kept, [RunDataset(dataset)]).save(tmp_path / "again.nc")
+    assert same(tmp_path / "k.nc", tmp_path / "again.nc")
 
 
 def test_the_table_is_the_same_on_two_workers_and_after_interruption(scene, dataset, tmp_path):

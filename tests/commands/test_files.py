@@ -42,8 +42,8 @@ from pbekit.outputs import FILES as PBE_FILES
 from pbekit.tables.kernel_table import KernelTable
 
 ROOT = Path(__file__).parents[2]
-RUN_OF_BEFORE = ROOT / "notebooks/data/small-1000Pa.nc"
-TABLE_OF_BEFORE = ROOT / "notebooks/data/kernels-750Pa.nc"
+RUN_OF_BEFORE = ROOT / "tests/monte_carlo/run_of_before.nc"
+TABLE_OF_BEFORE = ROOT / "notebooks/data/designed-750Pa.nc"
 
 
 def course(frames: int = 3) -> Trajectory:

@@ -111,7 +111,7 @@ def test_primaries_of_free_draining_meet_as_their_straight_paths_do():
 def test_encounters_of_a_run_come_to_a_named_end_in_free_draining():
     """Without interactions nothing slows primaries down that attract each other: the hardest level to step through."""
     scene = LEVELS["free_draining"]
-    pairs = draw_pairs(scene, ["notebooks/data/small-1000Pa.nc"], 20, seed=0)
+    pairs = draw_pairs(scene, ["tests/monte_carlo/run_of_before.nc"], 20, seed=2)
     found = [mcdem.simulate_encounter(scene, *pair, seed=k) for k, pair in enumerate(pairs)]
     assert [(k, result.reason) for k, result in enumerate(found) if result.reason] == []
     assert {result.outcome for result in found} == set(OUTCOMES[:-1])

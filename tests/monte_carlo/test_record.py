@@ -293,7 +293,7 @@ def test_a_file_damaged_anywhere_is_refused_by_every_reader(dataset, tmp_path):
 
 def test_a_dataset_of_before_checksums_is_read_and_its_damage_told(tmp_path):
     """Blocks of noise: one line that names the file, or what it held."""
-    old = Path(__file__).parents[2] / "notebooks/data/small-1000Pa.nc"
+    old = Path(__file__).with_name("run_of_before.nc")
     whole = old.read_bytes()
     events = RunDataset(old).events["time"].values
     damaged = tmp_path / "damaged.nc"

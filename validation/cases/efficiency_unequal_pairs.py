@@ -139,13 +139,13 @@ CASE = Case(
     claim="Unlike pairs meet as the laws of the literature say: pairs (1, P) and (P, P) of the run's aggregates, per crossing of "
     "the circle of radius R_i + R_j.",
     source="Kusters, Wijers & Thoenes 1997 in the form of Selomulya et al. 2003 (x = y = 0.1), Veerapaneni & Wiesner 1996 "
-    "(pbekit/balance/efficiencies.py); encounters: notebooks/data/kernels-1000Pa.nc.  Bäbler 2008 is not compared: no copy of "
-    "its formula could be read",
+    "(pbekit/balance/efficiencies.py); encounters: notebooks/data, the longest run at 1000 Pa and designed ones.  "
+    "Bäbler 2008 is not compared: no copy of its formula could be read",
     tolerance="a factor of 1.5: the laws' exponents x, y are fits that differ by as much between experiments; shares with limits "
     "of 95 %",
     measure=measure,
     judge=judge,
-    inputs=lambda context: (datasets.KERNELS,),
+    inputs=lambda context: (datasets.DESIGNED, datasets.SERIES),
     seen=("outcomes_shuffled",),
     expected=Verdict.cannot_say,
     because="of (1, P) with P from 4 to 7 too few touch to tell; most others differ, since the laws are for porous flocs: a "
