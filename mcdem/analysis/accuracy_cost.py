@@ -59,7 +59,7 @@ class Setting:
 
     @property
     def of_physics(self) -> bool:
-        """Whether it changes what is computed and not only how: such settings are told but never named as the cheapest."""
+        """Whether it changes what is computed and not only how: such settings are shown but never named as the cheapest."""
         return any(key == "numerics.rotations" or not key.startswith("numerics.") for key in self.changes)
 
     def of(self, scene: Scene) -> Scene:

@@ -1,6 +1,6 @@
 """The paper's process from a scene to a dataset (Frungieri & Vanni, section 2.1 and Fig. 4).
 
-The story, told by `run` and `Process`:
+The method, in `run` and `Process`:
 
 1. the sample volume holds `population.initial` free primary particles;
 2. the event selection draws which two aggregates meet next, and when (`event_selection`, Eqs. 1-6);
