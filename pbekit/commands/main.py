@@ -324,7 +324,7 @@ def show(
     kernels: Table,
     largest: Annotated[int, typer.Option(min=1, help="How many pairs of classes to list.")] = 10,
 ) -> None:
-    """Tell what a table holds, how sure its balance is, and which pairs of classes make its error."""
+    """Say what a table holds, how sure its balance is, and which pairs of classes make its error."""
     from pbekit.commands.telling import table_in_words
     from pbekit.study.solve_table import open_table
 
