@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 FOLDER = Path(__file__).parent.parent / "notebooks" / "data"
 SAVED = Path(__file__).parent / "data"
-"""Samples and tables that take long to make; its README tells the commands."""
+"""Samples and tables that take long to make; its README gives the commands."""
 KERNELS, SERIES = FOLDER / "kernels-1000Pa.nc", FOLDER / "run-1000Pa.nc"
 """Encounters in a table, and the series and sizes of the run that they are from."""
 FRACTAL_MOTION = Path(__file__).parent / "data" / "fractal_motion.json"
