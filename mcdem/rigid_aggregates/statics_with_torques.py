@@ -1,7 +1,7 @@
 """Rigid aggregates whose contacts resist sliding, rolling or twisting: statics with torques.
 
 As `statics`, with the rotations of the spheres among the unknowns, (rotations | displacements) of 6P: the stiffness of the
-network is that of normal forces and springs together, so that a chain can be rigid.  A contact is given by the gap and the springs
+network is that of normal forces and springs together, so that a chain can be rigid.  A contact is given by the gap and springs
 that it has; without flow, springs and gaps relax elastically to what balances, and the strain adds what is linear in it.
 
 The load of a spring is compared with its limit as the tension is with the pull-off force.  A spring across the line of centres
