@@ -20,7 +20,7 @@ def compress(
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output if it exists.")] = False,
 ) -> None:
-    """Make a run's dataset small: fewer snapshots, rounded reals, compressed. `mcdem run --resume` continues it."""
+    """Make a run's dataset small: fewer snapshots, rounded numbers, compression. `mcdem run --resume` continues it."""
     from mcdem.netcdf.whole_files import FILES, RUN
 
     FILES.check(output, RUN, overwrite=overwrite)
