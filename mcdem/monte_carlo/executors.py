@@ -54,11 +54,11 @@ class Here(Executor):
         return future
 
 
-# Failures of the engine
+# Failures of the executor
 
 
 class EngineError(UserError):
-    """The engine failed, in whatever way: the task it was given may be done again on another."""
+    """The executor failed, in whatever way: the task it was given may be done again on another."""
 
 
 @dataclass(frozen=True)
