@@ -25,8 +25,7 @@ import xarray as xr
 
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.encounter.simulate import simulate_encounter
-from mcdem.monte_carlo import executors
-from mcdem.monte_carlo import process as simulate
+from mcdem.monte_carlo import executors, run_control
 from mcdem.netcdf.comparison import differences
 from mcdem.scene import Scene
 
@@ -52,7 +51,7 @@ def warm(scene: Scene, executor: Executor, workers: int) -> None:
 def continued(scene: Scene, copy: Path, until_event: int, executor: Executor, workers: int) -> Turn:
     """The dataset at `copy`, continued until it holds so many encounters."""
     begun = xr.open_dataset(copy).sizes["row"] - 1
-    done = simulate.run(
+    done = run_control.run(
         scene, copy, events=until_event, executor=executor, workers=workers, resume=True, checkpoint_every=1e9
     )
     with xr.open_datatree(copy) as tree:

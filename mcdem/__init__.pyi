@@ -13,8 +13,8 @@ from .free_spheres import Velocities as Velocities
 from .free_spheres import velocities as velocities
 from .kernel_tables import steady_shares as steady_shares
 from .kernel_tables import tabulate as tabulate
-from .monte_carlo.process import RunSummary as RunSummary
-from .monte_carlo.process import run as run
+from .monte_carlo.run_control import RunSummary as RunSummary
+from .monte_carlo.run_control import run as run
 from .opened_run import OpenedRun as OpenedRun
 from .opened_run import open_run as open_run
 from .quantities.linear_flows import Flow as Flow

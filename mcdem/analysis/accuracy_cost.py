@@ -178,7 +178,7 @@ def young_population(
     progress: Callable[[float], None] = lambda share: None,
 ) -> Path:
     """A short run of the scene with two rotations an encounter, for aggregates to try the settings on."""
-    from mcdem.monte_carlo.process import run
+    from mcdem.monte_carlo.run_control import run
 
     path = folder / "young.nc"
     quick = scene.with_changes({"numerics.rotations": min(2.0, scene.numerics.rotations)})

@@ -86,8 +86,7 @@ def kernels(
 
     from mcdem.commands.progress import RunDisplay
     from mcdem.kernel_tables import TableProgress, refuse_unwritable, tabulate
-    from mcdem.monte_carlo import executors
-    from mcdem.monte_carlo import process as simulate
+    from mcdem.monte_carlo import executors, run_control
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
@@ -97,7 +96,7 @@ def kernels(
         if not runs:
             runs = [file.with_suffix(".run.nc")]
             with RunDisplay(loaded.name) as display:
-                run = simulate.run(
+                run = run_control.run(
                     loaded,
                     runs[0],
                     workers=crew.workers,

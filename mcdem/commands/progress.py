@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 if TYPE_CHECKING:
-    from mcdem.monte_carlo import process as simulate
+    from mcdem.monte_carlo import run_control
 
 
 class RunDisplay:
@@ -33,7 +33,7 @@ class RunDisplay:
         )
         self._task = self._bar.add_task("run", total=1.0, state="compiling what is not yet compiled")
 
-    def __call__(self, now: simulate.RunProgress) -> None:
+    def __call__(self, now: run_control.RunProgress) -> None:
         """Show where the run stands."""
         # The first events wait for the compiler, and say nothing about the pace.
         remaining = now.remaining if now.done > 0.01 else None

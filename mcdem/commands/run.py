@@ -81,11 +81,10 @@ def run(
                 f"warning: {finding.name} = {finding.value:.3g}: {finding.words}", fg="yellow", err=True
             )
 
-    from mcdem.monte_carlo import executors
-    from mcdem.monte_carlo import process as simulate
+    from mcdem.monte_carlo import executors, run_control
 
     with executors.opened(executor.value, workers, scheduler) as crew, RunDisplay(loaded.name) as display:
-        done = simulate.run(
+        done = run_control.run(
             loaded,
             file,
             seed=seed,

@@ -33,7 +33,7 @@ from typing import Any
 from mcdem.arguments import scene_at_door, stop_at_door, whole_number
 from mcdem.encounter.simulate import simulate_encounter
 from mcdem.errors import UserError
-from mcdem.monte_carlo import process as simulate
+from mcdem.monte_carlo import run_control
 from mcdem.monte_carlo.executors import Encounter, EngineError, local_processes, result_of, submit
 from mcdem.monte_carlo.record import reached
 from mcdem.netcdf.whole_files import FILES, INDEX
@@ -209,7 +209,7 @@ def sweep(
     ----------
     folder : of the datasets and the index; made if it is not there
     settings : dotted key -> values, as in the scene file
-    seed, until, events : as for `simulate.run`
+    seed, until, events : as for `mcdem.run`
     progress : called with each member when it is done, has failed or was interrupted
 
     A member that fails does not stop the others; Ctrl-C, SIGTERM and SIGHUP let each write its dataset.  Returns all members.
@@ -275,7 +275,7 @@ class _Sweep:
 
     def _run_on(self, executor: Executor, waiting: Sequence[int]) -> list[int]:
         """Run these members; returns those whose worker died."""
-        futures: dict[Future[simulate.RunSummary], int] = {}
+        futures: dict[Future[run_control.RunSummary], int] = {}
         broken = []
         try:
             for k in waiting:
@@ -303,7 +303,7 @@ class _Sweep:
             )
         return sorted(broken)
 
-    def _interrupt(self, executor: Executor, futures: Mapping[Future[simulate.RunSummary], int]) -> None:
+    def _interrupt(self, executor: Executor, futures: Mapping[Future[run_control.RunSummary], int]) -> None:
         """Wait until every member that is running here has written what it has."""
         for future in futures:
             future.cancel()
@@ -325,10 +325,10 @@ class _Sweep:
                         continue
                 self._members[k] = replace(self._members[k], state="waiting")
 
-    def _settle(self, k: int, future: Future[simulate.RunSummary]) -> None:
+    def _settle(self, k: int, future: Future[run_control.RunSummary]) -> None:
         """Note what came of a member; raises `EngineError` if its worker died."""
         try:
-            summary: simulate.RunSummary = result_of(future)
+            summary: run_control.RunSummary = result_of(future)
         except EngineError:
             raise
         except UserError as problem:
@@ -368,12 +368,12 @@ class _Sweep:
 
 def _run_member(
     member: Member, until: float | None, events: int | None, encounter: Encounter
-) -> simulate.RunSummary:
+) -> run_control.RunSummary:
     """On a worker, which ignores Ctrl-C but for the run itself."""
     heard = threading.current_thread() is threading.main_thread()
     before = signal.signal(signal.SIGINT, lambda number, frame: None) if heard else None
     try:
-        return simulate.run(
+        return run_control.run(
             member.scene,
             member.file,
             seed=member.seed,

@@ -111,9 +111,9 @@ def solve_table(
     `number` (time, cell) [1/m^3] with its moments `mean_size`, `size_deviation`, `sauter_diameter` [m] and more over `time`
     [s]; `*_low`, `*_high`: 90 % bands, where draws were asked for; `extrapolated_mass` (time): share of the mass that changes
     size which meets in classes nobody sampled.  Where encounters that were seen bear a steady state: `steady_number` (cell),
-    `steady_share` (size), the share in number of each size, with its bands, and the attributes
-    `steady_mean_size`, `steady_relative_deviation`, `steady_sauter_diameter` with their bands; else the attribute
-    `no_steady_state` says what is missing and how to get it.
+    `steady_share` (size), the share in number of each size, with its bands, and the attributes `steady_mean_size`,
+    `steady_relative_deviation`, `steady_sauter_diameter` with their bands; else the attribute `no_steady_state` says what is
+    missing and how to get it.
 
     Raises
     ------

@@ -14,7 +14,7 @@ from mcdem.commands.main import app
 from mcdem.errors import DataFileError, UserError
 from mcdem.kernel_tables import ROUND, Library, plan, records_of_run, steady_shares, tabulate
 from mcdem.monte_carlo import executors
-from mcdem.monte_carlo.process import run
+from mcdem.monte_carlo.run_control import run
 from pbekit.errors import PBEError
 from pbekit.tables.kernel_table import OUTCOMES, KernelTable, Records
 

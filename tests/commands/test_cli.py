@@ -147,15 +147,15 @@ def test_aggregates_and_offsets_are_refused_by_name(tmp_path):
 
 @pytest.mark.parametrize(("ended_by", "code"), [("time", 0), ("events", 0), ("interruption", 130)])
 def test_exit_code_tells_an_interrupted_run(tmp_path, monkeypatch, ended_by, code):
-    from mcdem.monte_carlo import process as simulate
+    from mcdem.monte_carlo import run_control
 
     asked = {}
 
     def run(scene, output, **options):
         asked.update(options, scene=scene.name, output=output)
-        return simulate.RunSummary(output, 1.5, 7, {"missed": 7}, ended_by, 7, 0, 0.1)
+        return run_control.RunSummary(output, 1.5, 7, {"missed": 7}, ended_by, 7, 0, 0.1)
 
-    monkeypatch.setattr(simulate, "run", run)
+    monkeypatch.setattr(run_control, "run", run)
     output = tmp_path / "out.nc"
     options = ["--seed", 5, "--until", "1500 ms", "--events", 7, "--workers", 1, "--resume"]
     done = mcdem_command("run", SCENES / "quickstart.toml", "-o", output, *options)

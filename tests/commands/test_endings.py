@@ -23,8 +23,7 @@ from mcdem.analysis.dataset import RunDataset
 from mcdem.analysis.dimensionless_groups import check
 from mcdem.encounter.simulate import simulate_encounter
 from mcdem.errors import UserError
-from mcdem.monte_carlo import executors
-from mcdem.monte_carlo import process as simulate
+from mcdem.monte_carlo import executors, run_control
 from mcdem.monte_carlo.executors import EngineError, Here
 from mcdem.monte_carlo.expected_output import MOST_UNCHANGED, output_of
 from mcdem.monte_carlo.process import multiples
@@ -179,7 +178,7 @@ def test_an_empty_stretch_costs_nothing_wherever_a_run_is_cut_off(tmp_path):
     """Some 2e8 snapshots would be due; and 35 within a stretch that is cut in two."""
     scene = synthetic.scene(suspension__volume_fraction=1e-12, **EMPTY)
     options = {"encounter": synthetic.aggregation_and_breakup}
-    simulate.run(scene, tmp_path / "empty.nc", events=15, **options)
+    run_control.run(scene, tmp_path / "empty.nc", events=15, **options)
     run = RunDataset(tmp_path / "empty.nc")
     assert run.time[-1] > 1e4
     assert len(run.snapshot_times) <= MOST_UNCHANGED * 16 + 1
@@ -190,9 +189,9 @@ def test_an_empty_stretch_costs_nothing_wherever_a_run_is_cut_off(tmp_path):
             assert len(run.aggregates(last)) == run.series["number_of_aggregates"][row]
 
     scene = synthetic.scene(suspension__volume_fraction=2e-6, **EMPTY)
-    simulate.run(scene, tmp_path / "whole.nc", until=2.0, **options)
+    run_control.run(scene, tmp_path / "whole.nc", until=2.0, **options)
     for until in np.linspace(0.1, 2.0, 11):
-        simulate.run(scene, tmp_path / "parts.nc", until=float(until), resume=True, **options)
+        run_control.run(scene, tmp_path / "parts.nc", until=float(until), resume=True, **options)
     assert differences(tmp_path / "whole.nc", tmp_path / "parts.nc") == []
     gaps = np.diff(RunDataset(tmp_path / "whole.nc").snapshot_times)
     assert gaps.max() > 2e-3 and np.median(gaps) == pytest.approx(1e-3)
@@ -223,7 +222,7 @@ def test_what_a_run_will_write_is_told_beforehand():
 def test_what_is_told_is_what_comes(tmp_path):
     scene = synthetic.scene(**EMPTY, suspension__volume_fraction=1e-5)
     path = tmp_path / "run.nc"
-    simulate.run(scene, path, events=2000, encounter=synthetic.always_miss)
+    run_control.run(scene, path, events=2000, encounter=synthetic.always_miss)
     told, run = output_of(scene, events=2000), RunDataset(path)
     assert told is not None
     assert told.snapshots == pytest.approx(len(run.snapshot_times), rel=0.3)
@@ -269,7 +268,7 @@ def test_an_engine_may_fail_in_any_way(tmp_path, problem, in_submit):
     path, scene = tmp_path / "run.nc", synthetic.scene(**synthetic.SMALL)
     options = {"events": 40, "encounter": synthetic.aggregation_and_breakup}
     with pytest.raises(EngineError, match=r"run.nc holds everything until t = .*--resume") as caught:
-        simulate.run(scene, path, executor=Lost(problem, in_submit), **options)
+        run_control.run(scene, path, executor=Lost(problem, in_submit), **options)
     assert "\n" not in str(caught.value)
     assert 0 < len(RunDataset(path).events["time"]) < 40
 

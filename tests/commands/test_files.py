@@ -30,8 +30,8 @@ from mcdem.encounter.trajectory import Trajectory, export, read
 from mcdem.errors import DataFileError, UserError
 from mcdem.figures.film import film
 from mcdem.monte_carlo.compress import compress
-from mcdem.monte_carlo.process import run
 from mcdem.monte_carlo.record import opened
+from mcdem.monte_carlo.run_control import run
 from mcdem.monte_carlo.sweep import sweep
 from mcdem.netcdf.whole_files import FILES, FILM, INDEX, RUN, TRAJECTORY, VTK, XYZ
 from pbekit import files

@@ -28,7 +28,7 @@ from mcdem.hydrodynamics.two_sphere import tensors as pair_tensors
 from mcdem.hydrodynamics.velocities import solve_velocities
 from mcdem.kernel_tables import tabulate
 from mcdem.monte_carlo.population import SamplePopulation, shares_of
-from mcdem.monte_carlo.process import run
+from mcdem.monte_carlo.run_control import run
 from mcdem.rigid_aggregates.statics import RIGID, analyse
 
 SCENE = mcdem.load_scene("scenes/two-sizes.toml")

@@ -9,8 +9,7 @@ import sys
 
 import synthetic
 
-from mcdem.monte_carlo import executors
-from mcdem.monte_carlo import process as simulate
+from mcdem.monte_carlo import executors, run_control
 
 if __name__ == "__main__":
     # What a shell starts in the background is deaf to Ctrl-C, and so would be all that it starts.
@@ -23,9 +22,9 @@ if __name__ == "__main__":
     parser.add_argument("--encounter", default="aggregation_and_breakup")
     given = parser.parse_args()
     # Write often: there is little time between a start and a kill.
-    simulate.SHARE_OF_WRITING = 0.5
+    run_control.SHARE_OF_WRITING = 0.5
     with executors.opened(given.executor, given.workers) as crew:
-        summary = simulate.run(
+        summary = run_control.run(
             synthetic.scene(**synthetic.SMALL),
             given.file,
             events=given.events,

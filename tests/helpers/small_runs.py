@@ -1,4 +1,4 @@
-"""Two small datasets made by `mcdem.monte_carlo.process` with toy encounters, once for all tests of a session."""
+"""Two small datasets made by `mcdem.monte_carlo.run_control` with toy encounters, once for all tests of a session."""
 
 import tempfile
 from functools import cache
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from toy_encounters import toy_encounter
 
-from mcdem.monte_carlo.process import run
+from mcdem.monte_carlo.run_control import run
 from mcdem.scene import load_scene
 
 SCENES = Path(__file__).parents[2] / "scenes"

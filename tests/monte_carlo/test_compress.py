@@ -12,7 +12,7 @@ from mcdem.analysis.dataset import RunDataset
 from mcdem.commands.main import app
 from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo.compress import DIGITS, compress, rounded
-from mcdem.monte_carlo.process import run
+from mcdem.monte_carlo.run_control import run
 from mcdem.netcdf.comparison import differences
 from mcdem.netcdf.whole_files import FILES
 

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 import mcdem
-from mcdem.monte_carlo import process as simulate
+from mcdem.monte_carlo import run_control
 
 ENCOUNTERS = 2500
 """About 180 captures: the rate is then known to 7.5 % (one standard deviation)."""
@@ -25,7 +25,7 @@ def test_early_slope_is_eq_22_at_the_efficiency_of_the_pair(tmp_path):
     """Within 3.3 standard deviations of the count of captures: a false alarm in a thousand runs with other seeds."""
     scene = mcdem.load_scene("scenes/paper-1000Pa.toml").with_changes({"population.initial": PRIMARIES})
     path = tmp_path / "early.nc"
-    simulate.run(scene, path, seed=11, events=ENCOUNTERS)
+    run_control.run(scene, path, seed=11, events=ENCOUNTERS)
     with xr.open_dataset(path, group="events") as data:
         time, sizes = data["time"].values, data["parent_size"].values
         outcomes = np.array(data["outcome"].attrs["flag_meanings"].split())[data["outcome"].values]

@@ -18,8 +18,8 @@ import xarray as xr
 from mcdem.analysis.dataset import RunDataset
 from mcdem.encounter.simulate import OUTCOMES
 from mcdem.errors import DataFileError, UserError
-from mcdem.monte_carlo.process import run
 from mcdem.monte_carlo.record import TIMING
+from mcdem.monte_carlo.run_control import run
 from mcdem.netcdf.comparison import differences, identical
 from mcdem.netcdf.whole_files import FILES
 from pbekit.errors import PBEError
@@ -239,7 +239,7 @@ FULL_DISK = """
 import resource, signal, sys
 sys.path[:0] = {paths!r}
 import synthetic
-from mcdem.monte_carlo.process import run
+from mcdem.monte_carlo.run_control import run
 from pbekit.errors import PBEError
 from pbekit.files import seal
 from pbekit.study.monte_carlo import MonteCarlo

@@ -23,7 +23,7 @@ import xarray as xr
 
 from mcdem.analysis.dataset import RunDataset
 from mcdem.errors import UserError
-from mcdem.monte_carlo import process as simulate
+from mcdem.monte_carlo import run_control
 from mcdem.monte_carlo.process import Process
 from mcdem.monte_carlo.speculative_execution import BEGUN, PASSED, UNTOUCHED, SpeculativeExecution, ready
 from mcdem.netcdf.comparison import differences
@@ -36,7 +36,7 @@ SCRIPT = Path(__file__).parents[1] / "helpers" / "run_synthetic.py"
 
 def run(path: Path, **options):
     given = {"events": EVENTS, "encounter": synthetic.aggregation_and_breakup, **options}
-    return simulate.run(synthetic.scene(**synthetic.SMALL), path, **given)
+    return run_control.run(synthetic.scene(**synthetic.SMALL), path, **given)
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +137,7 @@ def test_the_batch_script_gives_the_dataset_of_one_process(tmp_path):
     told = mpi("bash", str(root / "docs" / "cluster.sbatch"), str(scene), str(three), "--events", "60")
     assert told.returncode == 0, told.stderr
     assert "60 events" in told.stdout and "ended by events" in told.stdout
-    simulate.run(load_scene(scene), one, events=60)
+    run_control.run(load_scene(scene), one, events=60)
     assert differences(one, three) == []
 
 
@@ -146,7 +146,7 @@ def test_discarded_encounters_are_counted(tmp_path):
 
     def discarded(number: int, encounter) -> int:
         with ThreadPoolExecutor(2) as executor:
-            summary = simulate.run(
+            summary = run_control.run(
                 synthetic.scene(population__initial=number),
                 tmp_path / f"{number}.nc",
                 events=200,
@@ -261,7 +261,9 @@ def test_inversion_goes_on_too(tmp_path):
     scene = synthetic.scene(**synthetic.SMALL, numerics__event_selection="inverse_transform")
     for path, stops in ((once, (300,)), (twice, (120, 300))):
         for events in stops:
-            simulate.run(scene, path, events=events, resume=True, encounter=synthetic.aggregation_and_breakup)
+            run_control.run(
+                scene, path, events=events, resume=True, encounter=synthetic.aggregation_and_breakup
+            )
     assert differences(once, twice) == []
 
 
@@ -353,7 +355,7 @@ def test_a_run_needs_an_end_and_a_seed_in_range(tmp_path):
 @pytest.mark.parametrize("restructuring", [True, False])
 def test_without_restructuring_aggregates_go_on_as_they_came(tmp_path, restructuring):
     scene = synthetic.scene(**synthetic.SMALL, population__restructuring=restructuring)
-    simulate.run(scene, tmp_path / "run.nc", events=400, encounter=synthetic.aggregation_and_breakup)
+    run_control.run(scene, tmp_path / "run.nc", events=400, encounter=synthetic.aggregation_and_breakup)
     run = RunDataset(tmp_path / "run.nc")
     first = np.cumsum(run.events["number_of_products"].values) - run.events["number_of_products"].values
     same = np.flatnonzero(np.isin(run.outcome, ("missed", "parted")))
@@ -365,9 +367,9 @@ def test_without_restructuring_aggregates_go_on_as_they_came(tmp_path, restructu
 
 def test_the_last_aggregate_ends_the_run(tmp_path):
     scene = synthetic.scene(population__initial=5, population__doubling_below=0)
-    summary = simulate.run(scene, tmp_path / "run.nc", events=10**6, encounter=synthetic.always_merge)
+    summary = run_control.run(scene, tmp_path / "run.nc", events=10**6, encounter=synthetic.always_merge)
     assert (summary.ended_by, summary.events) == ("one aggregate left", 4)
-    summary = simulate.run(
+    summary = run_control.run(
         scene, tmp_path / "run.nc", until=2.5, resume=True, encounter=synthetic.always_merge
     )
     assert (summary.ended_by, summary.time) == ("time", 2.5)
@@ -408,7 +410,7 @@ def test_a_disk_that_fills_while_a_run_goes_is_told_and_costs_nothing(reference,
 
     with monkeypatch.context() as patch:
         patch.setattr(files, "_to_disk", full)
-        patch.setattr(simulate, "SHARE_OF_WRITING", 1e9)
+        patch.setattr(run_control, "SHARE_OF_WRITING", 1e9)
         with pytest.raises(
             UserError, match=r"cannot be written \(.*No space left.*intact.*--resume"
         ) as caught:

@@ -16,7 +16,7 @@ import synthetic
 import xarray as xr
 
 from mcdem.errors import UserError
-from mcdem.monte_carlo import process as simulate
+from mcdem.monte_carlo import run_control
 from mcdem.monte_carlo.sweep import members, parse_setting, parse_settings, replaced, sweep
 from mcdem.netcdf.comparison import differences
 
@@ -45,7 +45,7 @@ def test_members_are_runs_like_any_other(tmp_path):
     one = found[5]
     assert one.scene.flow.viscosity == pytest.approx(0.1) and one.scene.population.initial == 30
     alone = tmp_path / "alone.nc"
-    simulate.run(one.scene, alone, seed=one.seed, events=60, encounter=synthetic.aggregation_and_breakup)
+    run_control.run(one.scene, alone, seed=one.seed, events=60, encounter=synthetic.aggregation_and_breakup)
     assert differences(alone, one.file) == []
 
 

@@ -12,7 +12,7 @@ from pbe_synthetic import RADIUS, SHEAR_RATE, design
 from typer.testing import CliRunner
 
 from mcdem.kernel_tables import tabulate
-from mcdem.monte_carlo.process import run
+from mcdem.monte_carlo.run_control import run
 from mcdem.scene import Scene
 from pbekit import Grid, integrate
 from pbekit.commands.main import app

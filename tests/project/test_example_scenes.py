@@ -9,7 +9,7 @@ import pytest
 
 import mcdem
 from mcdem.analysis.dataset import RunDataset
-from mcdem.monte_carlo.process import run
+from mcdem.monte_carlo.run_control import run
 
 SCENES = Path("scenes")
 MONOMER = mcdem.Aggregate.monomer()

@@ -114,7 +114,7 @@ def test_the_rule_sees_kernels_and_imports_inside_functions():
 
 @pytest.mark.parametrize("argument", ["--help", "describe --help", "run --help"])
 def test_help_loads_no_machinery(argument):
-    heavy = ["xarray", "matplotlib", "pint", "mcdem.scene", "mcdem.monte_carlo.process"]
+    heavy = ["xarray", "matplotlib", "pint", "mcdem.scene", "mcdem.monte_carlo.run_control"]
     program = (
         "import sys; from mcdem.commands.main import app\n"
         f"try: app({argument.split()!r}, prog_name='mcdem')\n"

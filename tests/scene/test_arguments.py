@@ -18,7 +18,7 @@ from mcdem.effects.jkr import JKR
 from mcdem.effects.van_der_waals import VanDerWaals
 from mcdem.encounter import static_strength as strength
 from mcdem.errors import SceneError, UserError
-from mcdem.monte_carlo.process import run
+from mcdem.monte_carlo.run_control import run
 from mcdem.quantities import units
 from mcdem.scene import Flow, Run, Scene, Suspension
 

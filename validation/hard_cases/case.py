@@ -257,13 +257,13 @@ class Suspension:
     """Whether some encounters must be left unresolved, and be counted."""
 
     def judge(self) -> Iterator[Finding]:
-        from mcdem.monte_carlo import process as simulate
+        from mcdem.monte_carlo import run_control
 
         scene = load_scene(PAPER).with_changes({"run.until": None, **self.changes})
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "run.nc"
             began = time.process_time()
-            summary = simulate.run(scene, path, events=self.events, seed=1)
+            summary = run_control.run(scene, path, events=self.events, seed=1)
             seconds = time.process_time() - began
             margins = laws.of_a_run(path, summary, self)
         steps = int(margins.pop("steps")[0])

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from mcdem.aggregates.aggregate import Aggregate
     from mcdem.encounter.simulate import EncounterResult
-    from mcdem.monte_carlo.process import RunSummary
+    from mcdem.monte_carlo.run_control import RunSummary
     from mcdem.scene import Scene
     from validation.hard_cases.case import Course, Suspension
 
