@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,7 @@ def test_the_contracts_have_the_parts_that_are_listed(name):
     assert listed and listed <= there, listed - there
 
 
+@cache
 def modules() -> dict[str, Path]:
     found = {}
     for package in ("mcdem", "pbekit"):
@@ -63,6 +65,7 @@ def modules() -> dict[str, Path]:
     return found
 
 
+@cache
 def imports() -> dict[str, set[str]]:
     """{module: modules of these packages that it imports, in functions and for types too}"""
     every = modules()
