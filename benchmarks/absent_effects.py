@@ -3,7 +3,7 @@
 For each direct force, contact law and resistance of contacts, with the same primaries and the rest of the scene as it is:
 
     zero     largest change of the velocities between the effect absent (None) and present with strength zero
-    felt     the same change for the strength that the scene gives, to show that these primaries feel the effect
+    scene    the same change for the strength that the scene gives, to show that the effect acts on these primaries
     step     processor time of a step with the effect absent
     absent   that time over the one of a build whose sources never had the effect
     added    processor time that the effect adds to a step when present
@@ -12,7 +12,7 @@ For each direct force, contact law and resistance of contacts, with the same pri
 The build that never had it is a copy of the package without the file of the effect and its line in the menu; it
 runs in a process of its own, and moves the primaries alike to the last bit.  The builds take turns of a few milliseconds; in
 each round every build's fastest turn counts, since what else runs on the machine can only add to it, and a pair of processes
-tells the median over its rounds.  What is told is the mean over several pairs of processes, with its standard error.  Steps
+gives the median over its rounds.  The table has the mean over several pairs of processes, with its standard error.  Steps
 are those of the explicit scheme with free draining, in which direct forces are most of the work: a share of a Stokesian step
 is smaller.
 
@@ -20,7 +20,7 @@ Resistances of contacts (sliding, rolling, twisting, rods) are followed by the i
 they double the unknowns, since spheres then turn against torques: zero strength and absence are then two Newton iterations for
 one root, each ended by its own tolerance.  That they have the same root is shown by builds that iterate until a move is below
 TO_THE_END: rounding of a gap, 4e-16 a, times the stiffness of a contact over the drag of a step, is some 1e-13 a.
-What they change is told with the Rotne-Prager level, since torques move no centre in free draining, and from contacts under
+What they change is measured with the Rotne-Prager level, since torques move no centre in free draining, and from contacts under
 load, since free spheres in shear spin alike.
 `--level`, `--scheme` and `--effects` choose others; each pair of builds then compiles for minutes.
 
@@ -478,11 +478,11 @@ def main() -> None:
     print(
         f"By `{' '.join(['python benchmarks/absent_effects.py', *sys.argv[1:]])}`: {options.scheme} scheme (resistances of "
         f"contacts: implicit), {options.level}, {PRIMARIES} primaries, mean and standard error of {options.processes} pairs of "
-        "processes. What the columns are is told at the head of the program.\n"
+        "processes. The columns are explained at the head of the program.\n"
     )
     print(
-        "| effect | strength zero against `None` | felt | step, µs | absent over never there | added when present, µs "
-        "| present over absent |"
+        "| effect | strength zero against `None` | strength of the scene against `None` | step, µs "
+        "| absent over never there | added when present, µs | present over absent |"
     )
     print("|---|---|---|---|---|---|---|", flush=True)
     rows = kept_rows(options)

@@ -1,8 +1,8 @@
 """Golovin's kernel to b V t = 5.4: pbekit beside PySDM, one thread, in one process.
 
 The case of Shima et al. (2009): droplets, number 2^23 per m^3, exponential volumes of mean (4/3) pi (30.531 um)^3,
-K = b (v_i + v_j) with b = 1500 /s, one hour.  The second moment grows by exp(10.8) = 49 000; it is what tells solvers
-apart.
+K = b (v_i + v_j) with b = 1500 /s, one hour.  The second moment grows by exp(10.8) = 49 000; it is what separates
+solvers.
 
     pip install PySDM
     python benchmarks/golovin.py --seeds 8

@@ -1,13 +1,13 @@
-"""What the paper's own stepping makes of the encounters that matter: those that touch or break.
+"""What the paper's own scheme makes of the encounters that matter: those that touch or break.
 
     python benchmarks/paper_scheme.py RUN.nc -o FILE.csv                    Eq. 20 by the velocity along the line of centres
-    python benchmarks/paper_scheme.py RUN.nc -o FILE.csv --reading relative --encounters 40        ... in its literal reading
+    python benchmarks/paper_scheme.py RUN.nc -o FILE.csv --reading relative --encounters 40        ... literally
     python benchmarks/paper_scheme.py FILE.csv                                               the table of what is there
 
 Pairs are drawn from the late population of a run, each with one orientation and offset for both schemes, and sorted by what
 the default scheme makes of them: a primary that meets an aggregate, caught or nearly so; two aggregates that part, hold,
 break, or lose one or two primaries.  A few of each kind are followed by explicit Euler with the time step of Eq. 20.  It takes
-some ten seconds an encounter by the first reading, minutes by the second; what is in FILE.csv is not done again.
+some ten seconds an encounter by the first convention, minutes by the second; what is in FILE.csv is not done again.
 
 An encounter of many contacts is chaotic: where one scheme tears a primary out, the other may not.  What counts is whether a
 kind that the default leaves alone breaks under the paper's scheme more often than the other way round.

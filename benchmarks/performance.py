@@ -85,7 +85,7 @@ def solves(pecnut: Path | None) -> None:
 
 
 def compiled_solve(scene: mcdem.Scene, positions: np.ndarray) -> Callable[[], object]:
-    """The solve of the stepping loop, without the checks at the door of `mcdem.velocities`."""
+    """The solve of the time loop, without the checks at the door of `mcdem.velocities`."""
     from mcdem.encounter.simulate import physics_of
     from mcdem.hydrodynamics.resistance import workspace
     from mcdem.hydrodynamics.velocities import solve_velocities

@@ -1,4 +1,4 @@
-"""Do clusters stay fractal in shear where their contacts bear bending moments?
+"""Do clusters stay fractal in shear where their contacts transmit bending moments?
 
 Fractal trees of primaries (`validation.exact.packings.fractal`) are put into the shear one by one, with the bonds of
 scenes/moments-1000Pa.toml that resist sliding and rolling and, as in the paper's scenes, without them.  The table gives the
@@ -77,7 +77,7 @@ def main() -> None:
         for name in ("moments", "paper")
     )
     start = clusters(plain, options.clusters)
-    print("# Do clusters stay fractal where their contacts bear moments?\n")
+    print("# Do clusters stay fractal where their contacts transmit torques?\n")
     command = " ".join(["python benchmarks/staying_fractal.py", *sys.argv[1:]])
     print(
         f"By `{command}`: {len(start)} fractal trees of {start[0].size} to {start[-1].size} primaries at {options.stress}, "
@@ -86,7 +86,7 @@ def main() -> None:
     print("| | d_g | coordination number | pieces of a cluster | largest |")
     print("|---|---|---|---|---|")
     print(row("at the start", plain, len(start), start), flush=True)
-    for name, scene in (("contacts free to slide and roll", plain), ("bonds that bear moments", bonded)):
+    for name, scene in (("contacts free to slide and roll", plain), ("bonds that transmit torques", bonded)):
         found = [after_the_flow(scene, cluster, k) for k, cluster in enumerate(start)]
         followed = [pieces for pieces in found if pieces is not None]
         print(row(name, scene, len(followed), [piece for pieces in followed for piece in pieces]), flush=True)

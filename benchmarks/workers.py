@@ -8,7 +8,7 @@ the same population; turns go in the order 1, n, n, 1, ..., against a machine th
 starts at the first encounter of a call, when its workers are up and have compiled or loaded the engine: a run of hours
 starts only once.  The dataset is left as it is, and the copies must end up alike, bit for bit.
 
-Use a dataset whose population is steady: `mcdem report RUN.nc` tells.
+Use a dataset whose population is steady: `mcdem report RUN.nc` says whether it is.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ from pbekit.study.uncertainty import VarianceShares, mean_size_gradient, varianc
 from pbekit.tables.kernel_table import OUTCOMES, SHAPES, SOURCES, KernelTable, Records
 
 ROUND = 200
-"""Designed encounters between two looks at what they taught."""
+"""Designed encounters between two updates of the estimate."""
 DESIGNED_EPOCH = 1 << 40
 """Epoch of the random streams of designed encounters, far from those of any run."""
 CHECKPOINT_EVERY = 60.0
@@ -69,7 +69,7 @@ def records_of_run(run: RunDataset) -> Records:
     names = [
         f"{of}_{name}" for of in ("parent", "product") for name in ("aspect_ratio", "radius_of_gyration")
     ]
-    # Runs of before these were recorded are told apart by outer radius alone.
+    # Runs made before these were recorded are told apart by outer radius alone.
     shapes = [
         e[n].values if n in e else np.full_like(e[n.partition("_")[0] + "_outer_radius"].values, np.nan)
         for n in names

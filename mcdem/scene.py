@@ -41,7 +41,7 @@ _PERIOD = TIME.positive.between("1e-15 s", "1e15 s")
 
 
 class Hydrodynamics(Table):
-    """How the particles feel each other through the fluid."""
+    """Hydrodynamic interaction between the particles."""
 
     level: Literal[tuple(LEVELS)] = "stokesian"  # type: ignore[valid-type]
     """"free_draining": Stokes drag on each sphere by itself; "rotne_prager": far field of forces and torques;
@@ -106,7 +106,7 @@ class NumericsOfScene(Table):
     most_steps: Annotated[int, Field(ge=1, le=10**15)] = 20_000_000
     """Steps after which an encounter is given up and recorded as unresolved."""
     event_selection: Literal["majorant_rejection", "inverse_transform"] = "majorant_rejection"
-    """"majorant_rejection": encounters are proposed at a rate above all pairs' and thinned (Lewis & Shedler 1979);
+    """"majorant_rejection": encounters are proposed at a rate above all pairs', some rejected (Lewis & Shedler 1979);
     "inverse_transform": the paper's Eqs. 4-6.  Equal in distribution."""
 
     def of(self, scheme: str) -> Any:
@@ -251,7 +251,7 @@ class Scene(Table):
 
     @classmethod
     def from_dataset(cls, text: str, path: Path | str | None = None) -> Self:
-        """The scene that a dataset holds, which may be one of before, with other names of keys."""
+        """The scene that a dataset holds, whose keys may have earlier names."""
         return cls.from_text(renamed_keys.renewed(text), path)
 
     def with_changes(self, changes: Mapping[str, Any], *, as_in_file: bool = False) -> Self:

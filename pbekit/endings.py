@@ -76,7 +76,7 @@ def listening(handle: Callable[[int, FrameType | None], None] = _interrupt) -> I
 
 @contextlib.contextmanager
 def keeping(words: str) -> Iterator[None]:
-    """An interruption within tells `words`: what is kept, and how to go on.  Of several the innermost speaks."""
+    """An interruption within prints `words`: what is kept, and how to go on.  Of several the innermost speaks."""
     try:
         yield
     except KeyboardInterrupt as problem:

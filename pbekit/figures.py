@@ -54,9 +54,7 @@ def draw_comparison(found: Comparison, prefix: Path) -> list[str]:
     if _switch_panels(found):
         draw_switches(found, named("switches"))
     else:
-        left_out.append(
-            "figure of switched assumptions left out: no steady state, and no run to compare with"
-        )
+        left_out.append("figure of the ablation left out: no steady state, and no run to compare with")
     if "mean_size" not in found.numbers:
         left_out.append("figure of volume fractions left out: no steady state")
     elif "volume_fraction" not in found.table.about:

@@ -6,7 +6,7 @@ two names of one file are one file here, too.
 
 What is replaced: only a regular file, and only one of the very kind that is written.  A `Kind` says how its files are
 recognised by their contents; each says so in its own way (the title of a dataset, the author of a picture, the
-generator of a page, the header of a table), as a name alone tells nothing.
+generator of a page, the header of a table), as a name alone proves nothing.
 
 Reading: datasets end in a line with the BLAKE2b digest of all bytes before it (NetCDF's libraries do not look beyond what
 their headers name).  It covers values, attributes and layout, and is compared before a library sees a byte.  Datasets of
@@ -44,7 +44,7 @@ HDF5, CLASSIC = b"\x89HDF\r\n\x1a\n", b"CDF"
 
 
 class Kind(NamedTuple):
-    """Files of one sort: how a message calls them, and what tells that one is ours."""
+    """Files of one sort: how a message calls them, and what shows that one is ours."""
 
     words: str
     begins: tuple[bytes, ...]
@@ -410,7 +410,7 @@ class Files:
                 ) from None
         now = datetime.now(UTC).isoformat(timespec="seconds")
         holder = json.dumps({"process": os.getpid(), "host": socket.gethostname(), "since": now})
-        with contextlib.suppress(OSError):  # on a full disk the lock holds without telling whose it is
+        with contextlib.suppress(OSError):  # on a full disk the lock holds without saying whose it is
             os.ftruncate(file, 0)
             os.write(file, holder.encode())
         return file
@@ -506,7 +506,7 @@ def said_of_system(problem: OSError) -> str | None:
     if problem.errno not in (*LACKS_SPACE, *LACKS_RIGHT, errno.EIO, errno.EMFILE, errno.ENFILE):
         return None
     if problem.filename is None:
-        # Most likely what is told; nothing of it is to be tried again when the interpreter ends.
+        # Most likely what is reported; nothing of it is to be tried again when the interpreter ends.
         with contextlib.suppress(OSError, ValueError, AttributeError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return f"{problem.filename or 'output'}: {_why(problem)}; free some space, lift the quota or name another place"

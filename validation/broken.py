@@ -65,7 +65,7 @@ def delta_moved() -> Iterator[None]:
 
 @contextlib.contextmanager
 def distances_long() -> Iterator[None]:
-    """Free spheres feel each other as if they were 5 % further apart."""
+    """Free spheres interact as if they were 5 % further apart."""
     from mcdem import free_spheres
 
     intact = free_spheres.solve_velocities
@@ -79,7 +79,7 @@ def distances_long() -> Iterator[None]:
 
 @contextlib.contextmanager
 def distances_double() -> Iterator[None]:
-    """Free spheres feel each other as if they were twice as far apart."""
+    """Free spheres interact as if they were twice as far apart."""
     from mcdem import free_spheres
 
     intact = free_spheres.solve_velocities

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 FOLDER = Path(__file__).parent.parent / "notebooks" / "data"
 SAVED = Path(__file__).parent / "data"
-"""Samples and tables that take long to make; its README tells the commands."""
+"""Samples and tables that take long to make; its README gives the commands."""
 DESIGNED, SERIES = FOLDER / "designed-1000Pa.nc", FOLDER / "run-1000Pa.nc"
 """Designed encounters of a table, and the run that the others are from."""
 FRACTAL_MOTION = Path(__file__).parent / "data" / "fractal_motion.json"

@@ -188,7 +188,7 @@ class _Encounter:
 
 
 def excused(trial: Trial, scene: Scene) -> bool:
-    """Whether the scene's numerics are known not to bear it; what is left undone is then told by name.
+    """Whether the scene's numerics are known not to bear it; what is left undone is then reported by name.
 
     Explicit steps have a limit of stability; and below the cut-off the convention "matrix" lets the strain squeeze a pair by
     cutoff - h against a resistance that grows as 1/cutoff, without bound once contacts overlap by more than the cut-off.
@@ -259,7 +259,7 @@ FOUND = tuple(Found(path) for path in sorted((Path(__file__).parent / "hard_case
 
 
 def fuzz(seed: int, encounters: int, workers: int) -> Iterator[tuple[int, Trial, Told]]:
-    """Trials as they end.  Those under way when a worker dies or nothing ends for `HANG` are told as failures."""
+    """Trials as they end.  Those under way when a worker dies or nothing ends for `HANG` are reported as failures."""
     with executors.opened("process", workers, apart=True) as (pool, _):
         waiting: dict[Future[Told], int] = {}
         numbers = iter(range(encounters))

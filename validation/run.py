@@ -94,7 +94,7 @@ def given_paths(given: Given) -> list[Path]:
 def perform(
     name: str, quick: bool, label: str, way: str | None, given: Given = NOTHING_GIVEN
 ) -> dict[str, Any]:
-    """Measure one part, in whatever process; what goes wrong is told, not raised."""
+    """Measure one part, in whatever process; what goes wrong is returned, not raised."""
     import threadpoolctl
 
     cpu, wall = time.process_time(), time.perf_counter()

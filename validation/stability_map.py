@@ -90,7 +90,7 @@ SWEEPS = {
 
 
 class Scheme(NamedTuple):
-    """A way of stepping whose step is varied."""
+    """A scheme whose step is varied."""
 
     words: str
     scheme: str

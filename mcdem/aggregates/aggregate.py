@@ -27,7 +27,7 @@ class Aggregate:
 
     positions : (P, 3) [m] centres about the centre of mass
     bonds : (B, 2) contacts i < j, sorted.  They are carried through everything that happens: a pair with a gap
-        between 0 and the pull-off gap can be in contact or not, so geometry alone cannot tell.
+        between 0 and the pull-off gap can be in contact or not, so geometry alone does not decide.
     springs : (B, 7) history of each contact between its spheres i (1) and j (2), lengths in radii of a primary, angles in
         radians, as `mcdem.effects.tangential` keeps it; None without one: contacts at rest, or of a scene without resistances
     radii : (P,) [m] of the primaries; None where the suspension has only one

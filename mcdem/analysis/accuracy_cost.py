@@ -51,7 +51,7 @@ QUANTITIES = ("eta_11", "outcome", "fragment", "geometry")
 
 @dataclass(frozen=True)
 class Setting:
-    """One way to compute: which knob is turned, and to what; `changes` are keys of the scene."""
+    """One way to compute: which setting is changed, and to what; `changes` are keys of the scene."""
 
     name: str
     knob: str
@@ -59,7 +59,7 @@ class Setting:
 
     @property
     def of_physics(self) -> bool:
-        """Whether it changes what is computed and not only how: such settings are told but never named as the cheapest."""
+        """Whether it changes what is computed and not only how: such settings are shown but never named as the cheapest."""
         return any(key == "numerics.rotations" or not key.startswith("numerics.") for key in self.changes)
 
     def of(self, scene: Scene) -> Scene:
@@ -76,10 +76,10 @@ def level_changes(level: str) -> dict[str, Any]:
 
 
 def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
-    """The reference, the scene as given, and every knob turned alone and together."""
+    """The reference, the scene as given, and every setting changed alone and all together."""
     if not SCHEMES[scene.numerics.scheme].shortcuts:
         raise UserError(
-            f'{scene.name}: [numerics] scheme = "{scene.numerics.scheme}"; mcdem cost weighs the knobs of '
+            f'{scene.name}: [numerics] scheme = "{scene.numerics.scheme}"; mcdem cost weighs the settings of '
             f"{choices(SCHEMES, 'shortcuts')}, and takes its own reference"
         )
     n = scene.numerics

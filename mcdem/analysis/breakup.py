@@ -50,7 +50,7 @@ def breakups(
     product_sizes: NDArray[np.integer],
     from_first: NDArray[np.integer],
 ) -> xr.Dataset:
-    """Parent and fragments of every breakup: the rows of all conventions (`in_convention` tells which are whose).
+    """Parent and fragments of every breakup: the rows of all conventions (`in_convention` says which belong to which).
 
     outcome, contact : (E,) outcomes' names, and whether the two aggregates touched
     parent_sizes : (E, 2) primaries of the two aggregates

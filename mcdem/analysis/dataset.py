@@ -49,7 +49,7 @@ class RunDataset:
             self._check()
 
     def _check(self) -> None:
-        """Rows that do not fit each other are damage that no checksum told (datasets of before have none)."""
+        """Rows that do not fit each other are damage that no checksum has caught (older datasets have none)."""
         s, events = self._snapshots, self.events
         for counts, rows in (
             (s["number_of_aggregates"], s.sizes["aggregate"]),

@@ -1,6 +1,6 @@
 """What a scene's numbers say before it is run: the groups that decide which physics matters, and the range of its numerics.
 
-Each finding is a number, the bound that it is held against and a sentence.  "fine" needs no thought, "note" is worth knowing
+Each finding is a number, the bound that it is compared with and a sentence.  "fine" needs no thought, "note" is worth knowing
 when results are read, "warning" says that the scene leaves out something that matters or steps past a limit.
 
 Temperature and densities decide only about what is *not* simulated, so a scene does not give them; the values assumed here
@@ -107,7 +107,7 @@ def _left_out(scene: Scene) -> Iterator[Finding]:
             yield Finding(name, value, "fine", f"{what} cannot matter (below 0.01)")
         elif value < 0.1:
             yield Finding(
-                name, value, "note", f"{what}, not simulated, is felt by the largest aggregates (0.01 to 0.1)"
+                name, value, "note", f"{what}, not simulated, is seen by the largest aggregates (0.01 to 0.1)"
             )
         else:
             yield Finding(name, value, "warning", f"{what} matters and is not simulated (above 0.1)")
@@ -244,7 +244,7 @@ def _barrier(scene: Scene) -> Iterator[Finding]:
 
 
 RAYS = 2
-"""Directions of eta_11 in a finding: two tell it to some per cent."""
+"""Directions of eta_11 in a finding: two give it to a few per cent."""
 
 
 def eta_with_and_without(scene: Scene, key: str) -> tuple[float, float]:
@@ -257,7 +257,7 @@ def eta_with_and_without(scene: Scene, key: str) -> tuple[float, float]:
 
 
 def _capture(scene: Scene) -> Iterator[Finding]:
-    """Where captures of primaries are decided, and what of the fluid's model is felt there."""
+    """Where captures of primaries are decided, and which parts of the fluid's model matter there."""
     a, cutoff = scene.suspension.radius, scene.hydrodynamics.lubrication_cutoff
     van_der_waals = scene.effects.attraction
     if van_der_waals is None:
@@ -414,7 +414,7 @@ def _numerics(scene: Scene) -> Iterator[Finding]:
         else:
             yield Finding(name, step, "warning", "turning aggregates are not resolved (above 0.25)")
     if numerics.start_distance < 3.0:
-        words = "encounters start where the aggregates already feel each other (below 3)"
+        words = "encounters start where the aggregates already interact (below 3)"
         yield Finding("start distance over R_i + R_j", numerics.start_distance, "note", words)
 
 

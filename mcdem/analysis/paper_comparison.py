@@ -239,7 +239,7 @@ def _every_population(runs: Sequence[RunDataset]) -> Iterator[Row]:
 
 
 FEWEST_SHOWN = 8
-"""Of fewer clusters than these a mean size is told but not judged."""
+"""The mean size of fewer clusters is reported but not judged."""
 
 
 def _printed_clusters(runs: Sequence[RunDataset]) -> Iterator[Row]:
@@ -342,7 +342,7 @@ MOST_SNAPSHOTS = 40
 
 
 FEWEST_SNAPSHOTS = 8
-"""Below this many late snapshots their scatter tells no error."""
+"""Below this many late snapshots their scatter gives no error."""
 
 
 def _over_snapshots(

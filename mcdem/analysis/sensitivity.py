@@ -132,7 +132,7 @@ def vary(
     executor: Executor | None = None,
     progress: Callable[[str, int, int], None] = lambda name, done, wanted: None,
 ) -> Iterator[list[Difference]]:
-    """Differences under each setting, one after another; the first, the scene as given, has none but is told too.
+    """Differences under each setting, one after another; the first, the scene as given, has none but is yielded too.
 
     progress : called with the setting's name, and how many of its tasks are done of how many
     """

@@ -207,7 +207,7 @@ def fit_mass_size(
         return None
     if given == "length":
         law = fit_power_law(length, p, labels, Minimum(OF_AGGREGATES.origins, 3, 0.0))
-        # What it rests on is told in primaries, whichever way the regression goes.
+        # What it rests on is stated in primaries, whichever way the regression goes.
         return law and replace(law, sizes=len(np.unique(p)), decades=float(np.log10(p.max() / p.min())))
     fit = fit_power_law(p, length, labels)
     return _solved_for_x(fit, _mean_log(p, labels)) if fit and fit.exponent > 0.0 else None
@@ -242,9 +242,9 @@ def _solved_for_x(fit: PowerLaw, mean_log_x: float) -> PowerLaw:
 # Averages over time
 
 BLOCKS = (4, 8)
-"""Equal stretches whose means tell the error of the whole.  <P> remembers for some seconds, of runs of 100 s: of a series
+"""Equal stretches whose means give the error of the whole.  <P> is correlated over some seconds, of runs of 100 s: of a series
 whose memory is a 10th, a 20th, a 40th of the stretch (Ornstein & Uhlenbeck's process) the limits hold the mean in 92, 96, 96 of
-100 cases, where it is a 5th in 85 only (`tests/test_statistics.py`)."""
+100 cases, where it is a 5th in 85 only (`tests/analysis/test_statistics.py`)."""
 
 
 @dataclass(frozen=True)
@@ -337,7 +337,7 @@ def find_steady_state(
     cases; taken as steady are a jump by half at 70 or 90 % of the run and a wave of 15 % in none of 200, a drift by half over
     the run in 3 of 100.  Where the memory is a 10th and the scatter 20 %, the same in 0 to 4 of 100, growth that goes on all the
     time in 7, and steady series hardly ever: they are too short.  A drift by a fifth leaves 4 % between the halves and passes in
-    3 of 10 (`tests/test_statistics.py`).
+    3 of 10 (`tests/analysis/test_statistics.py`).
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from mcdem.commands import SceneFile
 
 
 def check(scene: SceneFile) -> None:
-    """Tell from a scene's dimensionless groups what matters, what is left out and whether its numerics can follow.
+    """Say from a scene's dimensionless groups what matters, what is left out and whether its numerics can follow.
 
     Exit code 0: nothing to warn of; 3: the scene leaves out something that matters, or steps past a limit.
     """

@@ -20,10 +20,10 @@ def compress(
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output if it exists.")] = False,
 ) -> None:
-    """Make a run's dataset small: fewer snapshots, rounded reals, compressed. `mcdem run --resume` continues it.
+    """Make a run's dataset small: fewer snapshots, rounded numbers, compression. `mcdem run --resume` continues it.
 
     Offsets, times and tensions of encounters that missed keep a few per cent, their smallest gaps are left out.
-    `mcdem.analysis.dataset.Run` gives the columns as of any run.
+    `mcdem.open_run` gives the columns as of any run.
     """
     from mcdem.netcdf.whole_files import FILES, RUN
 

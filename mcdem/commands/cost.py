@@ -1,4 +1,4 @@
-"""`mcdem cost`: error against time for each knob of a scene."""
+"""`mcdem cost`: error against time for each setting of a scene."""
 
 from __future__ import annotations
 
@@ -35,7 +35,9 @@ def cost(
     ] = None,
     encounters: Annotated[
         int | None,
-        typer.Option(min=2, max=MOST_SAMPLED, help="In the sample; default 100, or 12 with --quick."),
+        typer.Option(
+            min=2, max=MOST_SAMPLED, help="Encounters in the sample; default 100, or 12 with --quick."
+        ),
     ] = None,
     error: Annotated[
         float,
@@ -44,8 +46,8 @@ def cost(
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer settings and encounters: a first look.")
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Of the sample.")] = 0,
-    workers: Annotated[int | None, typer.Option(min=1, help="How many compute encounters.")] = None,
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the sample.")] = 0,
+    workers: Annotated[int | None, typer.Option(min=1, help="Workers that compute encounters.")] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace FIGURE and its table if they exist.")
     ] = False,

@@ -33,7 +33,7 @@ def efficiency(
 ) -> None:
     """Compute the efficiency eta_11 with which two primaries that meet form a doublet.
 
-    Found from the critical offsets of exact encounters, without sampling, and told with its numerical error next to the law of
+    Found from the critical offsets of exact encounters, without sampling, and given with its numerical error next to the law of
     van de Ven & Mason (Eq. 23 of the paper).
     """
     cutoffs = read_cutoffs(cutoff) if cutoff is not None else []

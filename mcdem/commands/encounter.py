@@ -57,7 +57,7 @@ def encounter(
     ] = 0.2,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
 ) -> None:
-    """Follow one encounter of two aggregates and tell what came of it."""
+    """Follow one encounter of two aggregates and report what came of it."""
     from mcdem.scene import load_scene
 
     loaded = load_scene(scene)
@@ -119,7 +119,7 @@ def follow(
 def followed(
     scene: Scene, parents: tuple[Aggregate, Aggregate], place: Any, seed: int, recorder: Recorder | None
 ) -> tuple[EncounterResult, Recorder | None]:
-    """The same; a large one in a process of its own, so that this one can tell how long it takes, and end it."""
+    """The same; a large one in a process of its own, so that this one can report its progress, and end it."""
     from mcdem.commands.progress import Steady
     from mcdem.monte_carlo import executors
 

@@ -22,7 +22,7 @@ def figures(
             "--output",
             "-o",
             metavar="DIRECTORY",
-            help="Folder of figures and numbers; those drawn before go.",
+            help="Folder of figures and numbers; those drawn before are replaced.",
         ),
     ] = Path("figures"),
 ) -> None:

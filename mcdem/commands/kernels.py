@@ -59,21 +59,24 @@ def kernels(
     shapes: Annotated[int, typer.Option(min=1, max=20, help="Classes of shape; 1 for sizes alone.")] = 3,
     seed: Annotated[
         int | None,
-        typer.Option(min=0, max=LARGEST_SEED, help="Of designed encounters, instead of the scene's."),
+        typer.Option(
+            min=0, max=LARGEST_SEED, help="Seed of the designed encounters, instead of the scene's."
+        ),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="How many compute encounters; the table is the same.")
+        int | None, typer.Option(min=1, help="Workers that compute encounters; the table is the same.")
     ] = None,
     executor: Annotated[
         Engine, typer.Option(help="process: this machine; mpi: ranks of mpiexec; dask: a cluster.")
     ] = Engine.process,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Of the dask cluster, such as tcp://host:8786.")
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Address of the dask cluster, such as tcp://host:8786."),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Extend KERNELS, if it exists.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace KERNELS if it exists.")] = False,
 ) -> None:
-    """Tabulate what comes of encounters, class by class, for `pbekit solve` and `pbekit compare`.
+    """Tabulate the outcomes of encounters, class by class, for `pbekit solve` and `pbekit compare`.
 
     A run's events are re-used; designed encounters go where they reduce the error of the balance's steady mean size most.
     """

@@ -32,7 +32,7 @@ from mcdem.errors import UserError
 from pbekit import endings
 
 NOW_CALLED = {"thin": "compress", "vary": "sensitivity"}
-"""Subcommands of before."""
+"""Earlier names of subcommands."""
 
 
 class Commands(TyperGroup):

@@ -35,7 +35,7 @@ class RunDisplay:
 
     def __call__(self, now: run_control.RunProgress) -> None:
         """Show where the run stands."""
-        # The first events wait for the compiler, and tell nothing of the pace.
+        # The first events wait for the compiler, and say nothing about the pace.
         remaining = now.remaining if now.done > 0.01 else None
         line = state(now.time, now.events, now.outcomes, now.mean_size, remaining)
         self._bar.update(self._task, completed=now.done, state=line)
@@ -84,7 +84,7 @@ class NowAndThen:
 
 
 class Steady:
-    """Tells how something long goes on: a bar on a terminal, elsewhere a line every `interval` seconds; nothing if it is short.
+    """Reports on something long: a bar on a terminal, elsewhere a line every `interval` seconds; nothing if it is short.
 
     with Steady("eta_11") as tell:
         tell("8 of 16 rays", 0.5)

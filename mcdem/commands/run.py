@@ -42,14 +42,15 @@ def run(
     workers: Annotated[
         int | None,
         typer.Option(
-            min=1, help="How many compute encounters; the dataset is the same. Default: all there are."
+            min=1, help="Workers that compute encounters; the dataset is the same. Default: all available."
         ),
     ] = None,
     executor: Annotated[
         Engine, typer.Option(help="process: this machine; mpi: ranks of mpiexec; dask: a cluster.")
     ] = Engine.process,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Of the dask cluster, such as tcp://host:8786.")
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Address of the dask cluster, such as tcp://host:8786."),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from what FILE holds, if it exists.")

@@ -38,9 +38,9 @@ def sensitivity(
             help="Figure to write; a table (.csv) goes beside it. Default: SCENE.sensitivity.png.",
         ),
     ] = None,
-    encounters: Annotated[int, typer.Option(min=2, max=MOST_SAMPLED, help="In the sample.")] = 200,
-    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Of the sample.")] = 0,
-    workers: Annotated[int | None, typer.Option(min=1, help="How many compute encounters.")] = None,
+    encounters: Annotated[int, typer.Option(min=2, max=MOST_SAMPLED, help="Encounters in the sample.")] = 200,
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the sample.")] = 0,
+    workers: Annotated[int | None, typer.Option(min=1, help="Workers that compute encounters.")] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace FIGURE and its table if they exist.")
     ] = False,

@@ -27,7 +27,10 @@ def sweep(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="FOLDER", help="Of datasets and index; default: SCENE's name."
+            "--output",
+            "-o",
+            metavar="FOLDER",
+            help="Folder of the datasets and the index; default: SCENE's name.",
         ),
     ] = None,
     seed: Annotated[
@@ -50,7 +53,8 @@ def sweep(
         Engine, typer.Option(help="process: this machine; mpi: ranks of mpiexec; dask: a cluster.")
     ] = Engine.process,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Of the dask cluster, such as tcp://host:8786.")
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Address of the dask cluster, such as tcp://host:8786."),
     ] = None,
 ) -> None:
     """Run a scene over values of its keys and over replicas: one dataset each, and index.csv.

@@ -43,11 +43,11 @@ class ElasticContact(EffectTable):
         return {"surface_energy": offer}
 
     friction_share: ClassVar[float]
-    """Adhesion that friction feels beside the load, over the pull-off force."""
+    """Adhesion that adds to the normal load in the friction law, over the pull-off force."""
     tabor_numbers: ClassVar[tuple[float, float]]
     """The Tabor numbers for which it holds."""
     rolls: ClassVar[bool] = False
-    """Whether the contact lags behind spheres that roll over it (Dominik & Tielens 1995)."""
+    """Whether the contact area trails behind spheres that roll over it (Dominik & Tielens 1995)."""
 
     def pull_off_force(self, radius: float) -> float:
         """F_adh [N] of two spheres of `radius` [m]."""
@@ -73,7 +73,7 @@ class ElasticContact(EffectTable):
             )
 
     def cohesion(self, radius: float) -> float:
-        """Force [N] by which adhesion adds to the load that friction feels."""
+        """Force [N] by which adhesion adds to the normal load in the friction law."""
         return self.friction_share * self.pull_off_force(radius)
 
     @classmethod
@@ -93,7 +93,7 @@ class ElasticContact(EffectTable):
         return 0.25 * self.elastic_modulus / ((1.0 + self.poisson_ratio) * (2.0 - self.poisson_ratio))
 
     def tabor_number(self, radius: float, equilibrium_distance: float) -> float:
-        """(R* W^2/(E*^2 z0^3))^(1/3): reach of the elastic neck over that of the attraction, for two spheres of `radius` [m].
+        """(R* W^2/(E*^2 z0^3))^(1/3): height of the elastic neck over the attraction's range, for two spheres of `radius` [m].
 
         JKR holds above about 5, DMT below about 0.1; between them the truth lies between the two laws.
         """

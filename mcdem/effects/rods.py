@@ -1,4 +1,4 @@
-"""Bonds that bear bending moments: rods and springs between the two spheres of a contact.
+"""Bonds that transmit bending moments: rods and springs between the two spheres of a contact.
 
 Source: Becker & Briesen (2008), Phys. Rev. E 78, 061404, a model for the bending moments that Pantina & Furst (2005) measured
 between bonded latex spheres; used by Vanni & Frungieri (2017).  Each sphere carries a rod that points to the centre of its

@@ -1,4 +1,4 @@
-"""Resistance of a contact to rolling: the lag of an adhesive contact behind the spheres that roll over it.
+"""Resistance of a contact to rolling: an adhesive contact area trails behind the spheres that roll over it.
 
 Source: Dominik & Tielens (1995), Phil. Mag. A 72, 783, for JKR contacts, as in Marshall & Li, Adhesive Particle Flow (2014),
 chapter 4: a torque 4 F_adh (b/b0)^(3/2) xi resists the rolling displacement xi = R* (turn of 2 - turn of 1), R* = a_eff/2, up

@@ -202,7 +202,7 @@ def _(turned, resistances, response, code):
 
 @njit(cache=True)
 def contact_resistance(turned, resistances, response):
-    """Springs, loads (7,) and stiffness (7, 7) of a contact after a motion; `tangential` tells how to use it.
+    """Springs, loads (7,) and stiffness (7, 7) of a contact after a motion; see `tangential` for its use.
 
     Returns which springs are at their limits (SLIDES, ROLLS, TWISTS), or STUCK.
     """

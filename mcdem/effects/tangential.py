@@ -1,7 +1,7 @@
 """Resistance of contacts to sliding, rolling and twisting: the mechanics that its laws share.
 
 Two spheres in contact, 1 and 2, with r = x2 - x1 and n = r/|r|.  Over a step, seen from the turning line of centres, their
-relative motion but for the gap is seven numbers, the *turns*
+relative motion but for the gap is seven numbers, the *relative rotations*
 
     q[0:3]  turn of sphere 1 across n,      q[3:6]  turn of sphere 2 across n,      q[6]  twist of 2 against 1 about n,
 
@@ -10,8 +10,9 @@ w2 r of the contact from the centres (w1 + w2 = 1, w_i proportional to the radiu
 
     sliding  s = r n x m  (surface of 2 over that of 1),     rolling  q2 - q1,     twisting  q[6].
 
-A law keeps a spring of seven numbers for each contact, its *history*, and gives *loads* conjugate to q: power = loads . dq/dt.
-Loads are minus stiffness times spring; a spring whose load would pass its limit is cut back to it (Cundall & Strack 1979).
+A law keeps a spring of seven numbers for each contact, its *tangential displacement history*, and gives *loads* conjugate to
+q: power = loads . dq/dt.  Loads are minus stiffness times spring; a spring whose load would pass its limit is cut back to it
+(Cundall & Strack 1979).
 Laws add (`Effects`); each states which part of the history it keeps.
 
 One step of one contact, for an integrator that finds the motion of the step by iteration:

@@ -1,4 +1,4 @@
-"""The course of an encounter, kept frame by frame where the caller asked for it.  Reduced units."""
+"""The course of an encounter, recorded frame by frame where the caller asked for it.  Reduced units."""
 
 from __future__ import annotations
 

@@ -3,10 +3,10 @@
 Without shortcuts this is one loop over the steps of the chosen scheme, all primaries together (`time_loop`).  The
 shortcuts (`Shortcuts`, each with an off) skip what cannot change the outcome:
 
-  far approach     two rigid aggregates come together as bodies with a stresslet (`approach`)
-  sure miss        and pass each other so, if no two of their primaries come near each other
+  far approach     two rigid aggregates far apart approach as bodies with a stresslet (`passage`)
+  sure miss        and pass each other as such, if no two of their primaries come close
   separate bodies  parts that surely do not come back to each other go on as smaller problems (`parting`)
-  rigid rotation   an aggregate without floppy modes turns as a rigid body until its load nears its strength (`rigid`)
+  rigid rotation   an aggregate without floppy modes turns as a rigid body until its load nears its strength (`statics`)
   stable           a rigid aggregate that is mechanically stable in every orientation is done: nothing can happen to it alone
 
 What is floppy, near something else, or near its strength is followed primary by primary.  The decisions are taken
@@ -121,7 +121,7 @@ class Course:
 
 
 def integrate(motion: Motion, course: Course) -> int:
-    """Advance `motion` to the end of the course.  Returns a code of `state`.
+    """Integrate `motion` to the end of the encounter.  Returns a code of `state`.
 
     Parts that went on alone end at the same time, but the distances between them mean nothing any more.
     """

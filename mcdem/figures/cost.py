@@ -27,7 +27,7 @@ def draw_front(prices: Sequence[Price], path: Path, name: str, count: int) -> No
         for number, knob in enumerate(knobs):
             of = [p for p in shown if p.setting.knob == knob]
             time = np.array([1e3 * p.cpu_time for p in of])
-            # Six colours and six markers, shifted at every turn, tell 36 knobs apart.
+            # Six colours and six markers, shifted at every turn, tell 36 settings apart.
             form = {
                 "fmt": MARKERS[(number + number // len(MARKERS)) % len(MARKERS)],
                 "color": colour(number),

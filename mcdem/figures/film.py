@@ -205,7 +205,7 @@ def _write_mp4(course: Trajectory, path: Path, width: int, progress: Told) -> No
     for picture in pictures:
         writer.send(np.ascontiguousarray(picture[:height]))
     writer.close()
-    if not _is_whole(path):  # ffmpeg's end is not told by what drives it
+    if not _is_whole(path):  # the library that calls ffmpeg does not report how it ended
         raise OSError("ffmpeg could not finish the film")
 
 

@@ -141,7 +141,7 @@ def draw_outcome_offset(numbers: xr.Dataset) -> Canvas:
 
 
 def first_bond_loss(runs: Sequence[RunDataset]) -> Figure | None:
-    """Strain from the first contact to the first bond lost after it; None where the dataset does not tell."""
+    """Strain from the first contact to the first bond lost after it; None where the dataset does not hold it."""
     if any("first_bond_loss_time" not in run.events for run in runs):
         return None
     found = _gathered(runs)

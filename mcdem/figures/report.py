@@ -1,4 +1,4 @@
-"""A page that tells what a run was and what came of it, with its figures and its warnings."""
+"""A page on what a run was and what came of it, with its figures and its warnings."""
 
 from __future__ import annotations
 

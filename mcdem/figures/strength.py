@@ -16,7 +16,7 @@ from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.style import BLACK, BLUE, GREY, VERMILION, canvas, legend
 
 MOST_SNAPSHOTS = 8
-"""Of each run: aggregates live on from one to the next, so more snapshots would tell little more."""
+"""Of each run: aggregates live on from one to the next, so more snapshots would add little."""
 
 
 def static_load(runs: Sequence[RunDataset]) -> Figure | None:

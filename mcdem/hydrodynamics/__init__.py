@@ -1,4 +1,4 @@
-"""How spheres feel each other through the fluid; choose one level.
+"""Hydrodynamic interaction between spheres; choose one level.
 
 free_draining, rotne_prager, fts, stokesian    the levels, one a file; a new one is a file and a line in `MENU` (`level`)
 resistance           what they fill, and spheres that turn freely

@@ -17,7 +17,7 @@ class FreeDraining(NamedTuple):
 
 @njit(cache=True)
 def resistance(level, work, radii):
-    """Resistance of spheres that do not feel each other: Stokes' drag and torque, 1 and 4/3 for a sphere of radius a."""
+    """Resistance of spheres without hydrodynamic interaction: Stokes' drag and torque, 1 and 4/3 for a sphere of radius a."""
     n = radii.shape[0]
     for row in range(6 * n):
         for column in range(row + 1):

@@ -1,15 +1,15 @@
 """The far field of a while ago, turned along, and one correction for what has changed since.
 
-The far-field resistance is what costs most of a step and varies slowest.  Its matrix is kept from one step to the next, each
+The far-field resistance is what costs most of a step and varies slowest.  Its matrix is frozen from one step to the next, each
 body's share turned with the body, or all turned together.  The moments of now
 (stresslets, torques and forces on the fluid) are predicted as phi' from those of the last two steps, what the true mobility M
-makes of them is computed pair by pair, and what it misses is corrected by the kept factor B ~ M^-1:
+makes of them is computed pair by pair, and what it misses is corrected by the frozen factor B ~ M^-1:
 
     phi = phi' + B (rates - M phi')
 
-The error is B's, times only that of the predicted moments, while a kept matrix alone would put its own error on all of them.
+The error is B's, times only that of the predicted moments, while a frozen matrix alone would put its own error on all of them.
 The matrix is made anew when a separation has changed beyond the turn by more than a share of the gap plus one radius, and when
-contacts change, since the last moments then tell little.
+contacts change, since the last moments then predict little.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ def worst_change(kept, positions, radii):
 
 @njit(cache=True)
 def still_good(kept, middle, radii, tolerance):
-    """Turn the kept far field along, body by body or all together, whichever fits; whether it is within `tolerance`."""
+    """Rotate the frozen far field along, body by body or all together, whichever fits; whether it is within `tolerance`."""
     positions, labels, bodies, together = middle.positions, middle.labels, middle.bodies, kept.together
     follow_turns(kept, positions, labels, bodies)
     if worst_change(kept, positions, radii) <= tolerance:
@@ -200,7 +200,7 @@ def turn_block(source, target, row, column, left, right, half):
 
 @njit(cache=True)
 def turned_resistance(kept, work):
-    """The kept resistance, turned, into `work.resistance`."""
+    """The frozen resistance, rotated, into `work.resistance`."""
     n = kept.positions.shape[0]
     m = 3 * n
     half = np.empty((3, 3))
@@ -237,7 +237,7 @@ def turned_tensor(turn, source, out, back):
 
 @njit(cache=True)
 def moments_as_rows(kept, moments, rows):
-    """Kept moments (11N,), turned along, into rows (12, N) of `mobility_product`."""
+    """Stored moments (11N,), rotated along, into rows (12, N) of `mobility_product`."""
     n = kept.positions.shape[0]
     local, tensor = np.empty((3, 3)), np.empty((3, 3))
     for i in range(n):
@@ -253,7 +253,7 @@ def moments_as_rows(kept, moments, rows):
 
 @njit(cache=True)
 def misfit(kept, strain, correct, out):
-    """out (11N,) = rates of spheres held still in a strain (3, 3), less those in `kept.rates` if `correct`; in the kept frame."""
+    """out (11N,) = rates of spheres held still in a strain (3, 3), less those in `kept.rates` if `correct`; in its frame."""
     n = kept.positions.shape[0]
     tensor, local, five = np.empty((3, 3)), np.empty((3, 3)), np.empty(5)
     rates = kept.rates
@@ -286,7 +286,7 @@ def misfit(kept, strain, correct, out):
 def apply_kept(kept, work, rates, strained):
     """Overwrite rates (11N,) by the moments B rates; strained : False if those of the stresslets are zero.
 
-    The kept resistance is the inverse of what is left of M without stresslets: one product with it takes the place of
+    The frozen resistance is the inverse of what is left of M without stresslets: one product with it takes the place of
     two solves with the rows of torques and forces of the factor.
     """
     m = 5 * kept.positions.shape[0]
@@ -305,7 +305,7 @@ def apply_kept(kept, work, rates, strained):
 def hold_still(kept, work, radii, middle, strain, correct):
     """Moments of spheres held still in the strain (3, 3) into `kept.still`, and their strain_load into `work.strain_load`.
 
-    correct : whether the kept matrix is not that of `middle` and the predicted moments are to correct it
+    correct : whether the frozen matrix is not that of `middle` and the predicted moments are to correct it
     """
     n, positions, share = radii.shape[0], middle.positions, middle.share
     if correct:
@@ -355,14 +355,14 @@ def learn(kept, work, angular, linear):
 
 @njit(cache=True)
 def forget(kept):
-    """Contacts have changed: the next far field is made anew, and the moments of before tell nothing."""
+    """Contacts have changed: the next far field is made anew, and earlier moments predict nothing."""
     kept.made[0] = False
     kept.known[0] = 0
 
 
 @njit(cache=True)
 def turn_moments(kept, moments):
-    """Turn moments (11N,) of the kept frame into that of now."""
+    """Rotate moments (11N,) of the frozen frame into the present one."""
     n = kept.positions.shape[0]
     local, tensor, three = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for i in range(n):
@@ -422,7 +422,7 @@ def _(level, kept, work, radii, middle, flow, tolerance):
 
 @njit(cache=True)
 def far_field(level, kept, work, radii, middle, flow, tolerance):
-    """Resistance and strain_load without lubrication into `work`, kept (`tolerance` > 0) or made anew; 0 or an error code.
+    """Resistance and strain_load without lubrication into `work`, frozen (`tolerance` > 0) or computed anew; 0 or an error code.
 
     Only a far field with stresslets is worth keeping.
     """

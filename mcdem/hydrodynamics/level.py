@@ -28,7 +28,7 @@ class Level:
     stresslets : compiled, (parameters, work, radii, rates (6N,), strain (5,), out (N, 5)); those exerted on the fluid
     two_body_of_strains : compiled, (parameters, work, radii, strains (5, 5), strain_loads (5, 6N)), `two_body` of five at once
     squeeze : gap over a -> resistance over 6 pi mu a to changing the gap of two spheres that are this near, for estimates
-    coupled : whether spheres feel each other;  stresslet_couplings : whether through their stresslets too, so that a far field is
+    coupled : whether spheres interact;  stresslet_couplings : whether through their stresslets too, so that a far field is
         worth keeping and rigid aggregates may approach as bodies with a stresslet;  lubrication : whether pairs have it
     """
 
@@ -179,5 +179,5 @@ def _(level):
 
 @njit(cache=True)
 def is_coupled(level):
-    """Whether spheres feel each other."""
+    """Whether spheres interact through the fluid."""
     return _is_coupled(level)

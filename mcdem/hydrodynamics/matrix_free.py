@@ -181,7 +181,7 @@ def pair_stresslets(positions, radii, rates, table, cutoff, shifted, strain_five
 
 
 class TwoBody:
-    """The two-body resistance R (6N, 6N, ordered omega | u) and what the strain drives; no R where there is no lubrication."""
+    """The two-body resistance R (6N, 6N, ordered omega | u) and the strain-induced load; no R where there is no lubrication."""
 
     def __init__(self, positions, radii, strain, level) -> None:
         n = len(radii)

@@ -29,7 +29,7 @@ class StokesianDynamics(NamedTuple):
     """delta, the gap over a below which the two-body part keeps its value there"""
     shifted: bool
     """Whether the strain too sees a pair below the cut-off at the gap of the cut-off.  Otherwise only the matrix is frozen there,
-    as Frungieri & Vanni (2021) say, and the strain at the true distance drives a squeeze by cutoff - h that grows without
+    as Frungieri & Vanni (2021) say, and the strain at the true distance causes a squeeze by cutoff - h that grows without
     bound as the cut-off falls below the overlap of a contact."""
 
 

@@ -1,7 +1,7 @@
 """How an encounter is followed in time; choose one scheme.
 
     implicit_midpoint    contacts solved at the end of long steps (`step_control`, `newton`, `contact_torques`)
-    explicit_euler       the paper's, the reference: nothing foreseen, kept or skipped
+    explicit_euler       the paper's, the reference: nothing predicted, frozen or skipped
     time_loop            the steps of one group of primaries, until something calls for a decision
     state, pairs, bodies, rotations    what all of them handle
 

@@ -1,6 +1,6 @@
-"""Steps of primaries whose contacts resist sliding, rolling or twisting: the turns of the spheres are unknowns too.
+"""Steps of primaries whose contacts resist sliding, rolling or twisting: rotations of the spheres are unknowns too.
 
-    R (z/dt - z_inf) = strain_load + F_non-contact(mid) + contacts(x1, z),   z = (turns | displacements) of the step, 6N
+    R (z/dt - z_inf) = strain_load + F_non-contact(mid) + contacts(x1, z),   z = (rotations | displacements) of the step, 6N
 
 with the resistance R of the spheres at the extrapolated midpoint, as in `implicit_midpoint`.  A contact's normal force is the one
 there; its springs (`effects.tangential`) start from their history, turned to the middle of the step, and are taken at the
@@ -160,7 +160,7 @@ def resist(motion, work, i, j, normal_force, linear, resistances):
 
 @njit(cache=True)
 def place_of(local, i, j, n):
-    """Row of (turns | displacements) of one of the twelve coordinates (dx1, turn_1, dx2, turn_2) of a pair, 1 = j and 2 = i."""
+    """Row of (rotations | displacements) for one of twelve coordinates (dx1, turn_1, dx2, turn_2) of a pair, 1 = j and 2 = i."""
     sphere = j if local < 6 else i
     part, k = (local // 3) % 2, local % 3
     return 3 * sphere + k if part == 1 else 3 * (n + sphere) + k

@@ -1,7 +1,7 @@
 """The paper's scheme: explicit Euler with the adaptive step of Frungieri & Vanni 2021, Eqs. 19-20.
 
 The reference for other schemes: velocities of free spheres under all direct forces, at the positions that they have, and nothing
-foreseen, kept or skipped.
+predicted, frozen or skipped.
 
 Eq. 20 is read literally (full relative velocity) or by its component along the line of centres, which is what
 the text says it bounds.  The paper does not say how near a "close" pair is: `close_gap` is our assumption.

@@ -59,7 +59,7 @@ from mcdem.quantities.toml_tables import Table
 from mcdem.quantities.units import DIMENSIONLESS
 
 # Below it a step has failed.  Strong attraction in a weak flow closes the last of a gap, down to where a stiff contact bears
-# it, within 1e-15/g: the clock hardly notices, the primaries do.
+# it, within 1e-15/g: that is nothing in time, but not for the primaries.
 SMALLEST_STEP = 1e-18
 
 # What a step may change, at the longest step STUDIED and finer in proportion below it; the error of the critical offset of two
@@ -160,7 +160,7 @@ def build(keys: Keys, scales: Scales) -> ImplicitMidpoint:
 
 @njit(cache=True)
 def drive_at_middle(motion, flow, physics, middle, tolerance, work):
-    """Resistance of the spheres and everything that drives them but contacts; 0 or an error code."""
+    """Resistance of the spheres and all loads on them but those of contacts; 0 or an error code."""
     hydro = work.hydrodynamics
     code = frozen_far_field.far_field(physics.level, work.kept, hydro, motion.radii, middle, flow, tolerance)
     if code != 0:
@@ -173,7 +173,7 @@ def drive_at_middle(motion, flow, physics, middle, tolerance, work):
 
 @njit(cache=True)
 def drive_spheres(flow, work, torques):
-    """What drives the spheres, by what they can do: turn freely, or turn against the torques of their contacts."""
+    """Loads on the spheres, torque-free ones or ones that rotate against the torques of their contacts."""
     if torques is not None:
         return contact_torques.fill_driving(flow, work, torques)
     return drive_torque_free(flow, work)
@@ -181,7 +181,7 @@ def drive_spheres(flow, work, torques):
 
 @njit(cache=True)
 def drive_torque_free(flow, work):
-    """Reduce the resistance to A of torque-free spheres; what drives them into work.driving; 0 or an error code."""
+    """Reduce the resistance to A of torque-free spheres; the loads on them into work.driving; 0 or an error code."""
     hydro = work.hydrodynamics
     n = work.middle.shape[0]
     if eliminate_torques(hydro.resistance) != 0:
@@ -199,7 +199,7 @@ def drive_torque_free(flow, work):
 
 @njit(cache=True)
 def learn_moments(motion, flow, step, work, torques):
-    """Tell the frozen far field how the primaries moved in the step that was taken; torques : work arrays or None."""
+    """Update the frozen far field by the step that was taken; torques : work arrays or None."""
     if not work.kept.made[0]:
         return
     hydro, spin = work.hydrodynamics, work.residual

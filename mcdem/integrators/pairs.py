@@ -51,7 +51,7 @@ def approach_speed(positions, velocities, i, j):
 
 @njit(cache=True)
 def add_pair_force(forces, i, j, direction, value):
-    """Add a force of size `value` > 0 driving i and j apart; direction (3,) from j to i."""
+    """Add a force of size `value` > 0 pushing i and j apart; direction (3,) from j to i."""
     for k in range(3):
         forces[i, k] += value * direction[k]
         forces[j, k] -= value * direction[k]

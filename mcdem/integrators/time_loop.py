@@ -46,7 +46,7 @@ class Bounds(NamedTuple):
 
 @njit(cache=True)
 def follow_steps(group, flow, physics, options, log, watch, bounds):
-    """Follow some primaries together by the steps of a scheme; log.time is their clock.
+    """Follow some primaries together by the steps of a scheme; log.time is their time.
 
     Returns one of the codes that `Bounds` names, or that of a failed step (`state`).
     """

@@ -1,4 +1,4 @@
-"""The event-driven Monte Carlo: which aggregates meet next, and what becomes of the population."""
+"""The event-driven Monte Carlo: which aggregates meet next, and what the population becomes."""
 
 import lazy_loader as lazy
 

@@ -112,7 +112,7 @@ def _rows_of_snapshots(group: netCDF4.Dataset, every: float | None) -> dict[str,
     if every is not None:
         interval = np.floor(times / every)
         stays[1:] = interval[1:] != interval[:-1]
-        # The last is the state of the run; the one before tells when the next is due.
+        # The last is the state of the run; the one before says when the next is due.
         stays[-2:] = True
     aggregate = np.repeat(stays, group["number_of_aggregates"][:])
     return {

@@ -1,8 +1,8 @@
 """Where encounters are computed: here, in local processes, or on a cluster (choose one).
 
 Anything that keeps the contract of `concurrent.futures.Executor` will do; this file only opens the usual ones, makes sure that
-each worker runs its linear algebra on one thread, and tells a failure of the engine (a worker died, a cluster was closed, a
-connection broke) from one of the task itself: `submit` and `result_of`.
+each worker runs its linear algebra on one thread, and separates a failure of the executor (a worker died, a cluster was
+closed, a connection broke) from one of the task itself: `submit` and `result_of`.
 """
 
 from __future__ import annotations
@@ -54,16 +54,16 @@ class Here(Executor):
         return future
 
 
-# Failures of the engine
+# Failures of the executor
 
 
 class EngineError(UserError):
-    """The engine failed, in whatever way: the task it was given may be done again on another."""
+    """The executor failed, in whatever way: the task it was given may be done again on another."""
 
 
 @dataclass(frozen=True)
 class Failed:
-    """What came of a task that failed by itself: its own exception, which tells where it was raised."""
+    """What came of a task that failed by itself: its own exception, which says where it was raised."""
 
     problem: Exception
 
@@ -114,7 +114,7 @@ def _engine_error(problem: BaseException) -> EngineError:
 # How many
 
 MOST_WORKERS = "MCDEM_MOST_WORKERS"
-"""Environment variable that states how many workers are allowed where the machine does not tell the truth."""
+"""Environment variable that states how many workers are allowed where the machine does not report it rightly."""
 
 
 def processors() -> int:
@@ -212,7 +212,7 @@ LEFT_TO_THE_PARENT = tuple(number for number in endings.REQUESTS if number != si
 
 @contextlib.contextmanager
 def _unheard() -> Iterator[None]:
-    """Processes started within hear no Ctrl-C until they are ready to ignore it: it would be told in a traceback each."""
+    """Processes started within hear no Ctrl-C until they are ready to ignore it: each would print a traceback."""
     multiprocessing.resource_tracker.ensure_running()  # which would undo the mask
     before = signal.pthread_sigmask(signal.SIG_BLOCK, LEFT_TO_THE_PARENT)
     try:
@@ -292,7 +292,7 @@ def _dask(scheduler: str | None) -> Iterator[Crew]:
 
 
 def width(executor: Executor) -> int:
-    """How many tasks an executor of a known kind runs at once; 1 if it does not tell."""
+    """How many tasks an executor of a known kind runs at once; 1 if it does not say."""
     client = getattr(executor, "_client", None)  # dask
     if client is not None:
         return sum(client.ncores().values()) or 1

@@ -1,4 +1,4 @@
-"""What a run will write, told before it begins: how many snapshots, and how large a file."""
+"""What a run will write, stated before it begins: how many snapshots, and how large a file."""
 
 from __future__ import annotations
 

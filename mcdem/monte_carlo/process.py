@@ -1,6 +1,6 @@
 """The paper's process from a scene to a dataset (Frungieri & Vanni, section 2.1 and Fig. 4).
 
-The story, told by `Process` and led by `mcdem.monte_carlo.run_control`:
+The method, in `Process`, led by `mcdem.monte_carlo.run_control`:
 
 1. the sample volume holds `population.initial` free primary particles;
 2. the event selection draws which two aggregates meet next, and when (`event_selection`, Eqs. 1-6);

@@ -1,7 +1,7 @@
 """A run led from its start to its end: who computes the encounters, when the dataset is written, how the run may end.
 
-What happens to the suspension is told by `mcdem.monte_carlo.process`; here are the clock on the wall, the processors,
-the file and the user, none of which changes a bit of the dataset.
+What happens to the suspension is in `mcdem.monte_carlo.process`; here are wall-clock time, the processors, the file and the
+user, none of which changes a bit of the dataset.
 """
 
 from __future__ import annotations

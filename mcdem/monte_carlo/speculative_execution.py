@@ -1,6 +1,6 @@
 """Computing the encounters ahead while the present one is still being computed.
 
-An encounter is a function of its two aggregates and its own random stream.  The event selection tells which come next
+An encounter is a function of its two aggregates and its own random stream.  The event selection says which come next
 if nothing changes.  One whose two aggregates are known is computed ahead: they are known if no encounter before it
 involves them, or if those that do are computed already and left them whole, reshaped perhaps.  When its turn comes, its
 result is used only if both aggregates are the very ones it was computed with; otherwise it is discarded and the encounter
@@ -198,7 +198,7 @@ class SpeculativeExecution:
         try:
             result = result_of(future)
         except Exception:
-            return  # told if its turn comes
+            return  # raised again when its turn comes
         if result.outcome == "unresolved":
             ahead.after = ahead.parents
         else:

@@ -228,7 +228,7 @@ def sweep(
 
 
 class _Sweep:
-    """Members, their states, and the index that tells them."""
+    """Members, their states, and the index that lists them."""
 
     def __init__(
         self,

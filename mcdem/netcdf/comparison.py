@@ -1,4 +1,4 @@
-"""Whether two datasets of `mcdem run` tell the same process, bit for bit."""
+"""Whether two datasets of `mcdem run` record the same process, bit for bit."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def differences(one: Path | str, other: Path | str) -> list[str]:
 
 
 def identical(one: Path | str, other: Path | str) -> bool:
-    """Whether two datasets tell the same process, bit for bit."""
+    """Whether two datasets record the same process, bit for bit."""
     return not differences(one, other)
 
 

@@ -1,4 +1,4 @@
-"""Keys of scenes of before: refused in a file with the new name, and read anew from a dataset that holds them."""
+"""Earlier names of keys: refused in a scene file with the new name, and renamed where a dataset holds them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _at(tables: Any, dotted: str) -> Any:
 
 
 def old_words(tables: dict[str, Any]) -> Iterator[str]:
-    """What to write instead of each key or value of before in the tables of a scene, a line each."""
+    """What to write instead of each earlier key or value in the tables of a scene, a line each."""
     for old, new in KEYS.items():
         if _at(tables, old) is not None:
             table, _, key = old.rpartition(".")
@@ -51,7 +51,7 @@ def old_words(tables: dict[str, Any]) -> Iterator[str]:
 
 
 def renewed(text: str) -> str:
-    """The text of a scene of before, a dataset's, with keys and values of now."""
+    """The text of a dataset's scene, with the present names of its keys and values."""
     document = tomlkit.parse(text)
     if not list(old_words(document.unwrap())):
         return text

@@ -21,7 +21,7 @@ from mcdem.errors import SceneError
 from mcdem.quantities.units import Quantity, shown
 
 MOST_PROBLEMS = 20
-"""Problems of one file that are told."""
+"""Problems of one file that are listed."""
 LONGEST_NAME = 60
 """Characters of a key, above which its neighbours are not sought."""
 

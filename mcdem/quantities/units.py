@@ -2,7 +2,7 @@
 
 A field declared with one of the types below accepts text with a unit ("500 nm", "100 mPa s", "1e4 1/s") and holds the SI
 value as a float.  From Python it also accepts a number, which is in SI units, and a quantity of pint; in a scene file a bare
-number is refused, since nobody could tell its unit.  A wrong dimension, a unit that is not known here (`known_units`), anything
+number is refused, since its unit is unknown.  A wrong dimension, a unit that is not known here (`known_units`), anything
 after the unit, NaN and infinity are refused; `Positive...` refuses zero and below, `NonNegative...` what is below zero, and
 `between` what lies outside bounds.  Only a dimensionless quantity may be a bare number in a file too.
 

@@ -1,6 +1,6 @@
 """The approach of two rigid aggregates while they are far apart: each a body with a stresslet.
 
-Free of force and torque, a body far away is felt through its stresslet.  Each turns and drifts in the flow plus what
+Free of force and torque, a body far away disturbs the flow by its stresslet.  Each turns and drifts in the flow plus what
 the other's stresslet makes of it.  The size of both bodies enters the velocity as Faxen's law and the source quadrupole
 of a sphere of the same radius of gyration: it is of relative order (R/r)^5, but it alone moves a body across streamlines
 before they are close (Batchelor & Green 1972: B = (16/3)(a/r)^5), so the offset at which two bodies just meet rests on it.

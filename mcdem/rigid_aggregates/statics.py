@@ -343,7 +343,7 @@ def keep_motion(body, k, motion):
 def add_stresslet(level, work, radii, positions, rates, load, strain_five, stresslet):
     """Add to `stresslet` (5,) what a body exerts on the fluid in a strain (5,): that of its spheres and of their forces.
 
-    rates : (turns | displacements) (6P,) relative to the strain;  load : the forces are its last 3P
+    rates : (rotations | displacements) (6P,) relative to the strain;  load : the forces are its last 3P
     """
     n = radii.shape[0]
     first = load.shape[0] - 3 * n

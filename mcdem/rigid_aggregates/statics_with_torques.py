@@ -1,10 +1,10 @@
 """Rigid aggregates whose contacts resist sliding, rolling or twisting: statics with torques.
 
-As `rigid`, with the turns of the spheres among the unknowns, (turns | displacements) of 6P: the stiffness of the network is
-that of normal forces and springs together, so that a chain can be rigid.  A contact is given by the gap and the springs that
-it has; without flow, springs and gaps relax elastically to what balances, and the strain adds what is linear in it.
+As `statics`, with the rotations of the spheres among the unknowns, (rotations | displacements) of 6P: the stiffness of the
+network is that of normal forces and springs together, so that a chain can be rigid.  A contact is given by the gap and springs
+that it has; without flow, springs and gaps relax elastically to what balances, and the strain adds what is linear in it.
 
-What a spring bears is held against its limit as the tension against the pull-off force.  A spring across the line of centres
+The load of a spring is compared with its limit as the tension is with the pull-off force.  A spring across the line of centres
 is bounded in every direction: it is looked at along SIDES of them, whose bound is smaller than the circle's by a factor of
 cos(pi/SIDES), so that no load passes unseen.  The limit of friction falls with the tension t, |s| <= c - d t: the load looked
 at is e.s + d t, linear as well.
@@ -71,7 +71,7 @@ _TRIAL = 1e-9
 
 @njit(cache=True)
 def modes_with_turns(positions):
-    """Three translations and three rotations about the centre, (6, 6P), as (turns | displacements)."""
+    """Three translations and three rotations about the centre, (6, 6P), as (rotations | displacements)."""
     n = positions.shape[0]
     modes = np.zeros((6, 6 * n))
     modes[:, 3 * n :] = rigid_modes(positions)
@@ -120,7 +120,7 @@ class Network(NamedTuple):
 
 @njit(cache=True)
 def spring_change(network, b, motion, resistances, pair):
-    """Change (7,), into pair.spring, of the springs of contact b by a small motion (6P,) of (turns | displacements)."""
+    """Change (7,), into pair.spring, of the springs of contact b by a small motion (6P,) of (rotations | displacements)."""
     i, j = network.pairs[b, 0], network.pairs[b, 1]
     radii, n = network.radii, network.radii.shape[0]
     size = 0.0

@@ -72,7 +72,7 @@ EXTENSION = np.array(
     ]
 )
 """(C_A, eta): limiting trajectories of two equal spheres in uniaxial extension with exact two-sphere mobilities and
-unretarded attraction; tests/test_pbe_extension.py computes them again."""
+unretarded attraction; tests/pbekit/test_pbe_extension.py computes them again."""
 
 
 @dataclass(frozen=True)

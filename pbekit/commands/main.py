@@ -164,7 +164,7 @@ def solve(
         typer.Option(help="Largest size, from the largest seen on; twice the largest seen by default."),
     ] = None,
     method: Annotated[str, typer.Option(help=f"Integrator of scipy: {', '.join(METHODS)}.")] = "LSODA",
-    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Of the draws.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the draws.")] = 0,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE if it exists.")] = False,
 ) -> None:
     """Solve the balance on a table over time and at steady state, or at a stress between those of two tables."""
@@ -229,7 +229,7 @@ def compare(
         typer.Option(min=0, callback=_finite, help="Time to stop at [s]; the run's end by default."),
     ] = None,
     draws: Draws = 60,
-    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Of the draws.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the draws.")] = 0,
 ) -> None:
     """Balance on tabulated encounters beside the Monte Carlo and beside analytical laws: figures with bands, and numbers."""
     import matplotlib
@@ -324,7 +324,7 @@ def show(
     kernels: Table,
     largest: Annotated[int, typer.Option(min=1, help="How many pairs of classes to list.")] = 10,
 ) -> None:
-    """Tell what a table holds, how sure its balance is, and which pairs of classes make its error."""
+    """Say what a table holds, how sure its balance is, and which pairs of classes make its error."""
     from pbekit.commands.telling import table_in_words
     from pbekit.study.solve_table import open_table
 

@@ -41,7 +41,7 @@ from pbekit.tables.kernel_table import SCATTERED, KernelTable, kind_of
 
 SURVIVE, JOIN, SCATTER = range(3)
 STRONGEST_PRIOR = 20.0
-"""Pseudo-encounters that the law may stand for in a pair of classes.  Classes cannot tell a law's small faults from their
+"""Pseudo-encounters that the law may stand for in a pair of classes.  Classes cannot separate a law's small faults from their
 own noise, but the balance adds them up over all pairs: where there are data, data decide."""
 SHAPE_PRIOR = 1.0
 """Pseudo-counts of a row of shapes."""

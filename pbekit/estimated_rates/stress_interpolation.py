@@ -3,7 +3,7 @@
 Every rate is interpolated in the logarithm of stress: probabilities of outcomes in their logarithms (so that their ratios
 follow power laws of stress, as breakup does), fragments, shapes and radii as mixtures.  Mass is exact and probabilities add
 to one whatever the weight.  Draws of the two tables are independent, so their uncertainty is carried along; that of the
-interpolation itself is told by tables left out (`interpolation_error`).
+interpolation itself is estimated by leaving tables out (`interpolation_error`).
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class InterpolatedRates:
     def extrapolated_changes(self, population: np.ndarray) -> tuple[float, float]:
         """As `EstimatedRates.extrapolated_changes`, of pairs of classes that neither table sampled.
 
-        What one table alone lacks is part of the error of interpolation, which tables left out tell.
+        What one table alone lacks is part of the error of interpolation, which leaving tables out estimates.
         """
         lower, upper = self.of_tables
         changes = self.mean_rates.size_changes * np.outer(population, population)

@@ -1,4 +1,4 @@
-"""March a balance in time with scipy's integrators."""
+"""Integrate a balance in time with scipy's integrators."""
 
 from __future__ import annotations
 

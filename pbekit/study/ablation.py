@@ -91,7 +91,7 @@ def switch_table(
     counted: np.ndarray | None = None,
     replicas: int = 8,
 ) -> xr.Dataset:
-    """What each switch, and a population of the run's size, make of the balance.
+    """What each changed assumption, and a population of the run's size, make of the balance.
 
     Steady <P>, relative deviation and d32, nan where encounters that were seen do not bear them; <P> at the last of `times`;
     and, given the shares `counted` (sizes + 1,) of a run from `late` [s] on, the distance of the shares then from them.

@@ -1,8 +1,8 @@
 """A balance beside what it came from and beside analytical laws.
 
 Three accounts of one suspension: the balance on tabulated encounters, the Monte Carlo that the encounters came from, and a
-balance of analytical laws (van de Ven & Mason's efficiency with power-law breakup).  Where the first two differ, switches
-tell why: each changes one assumption of the balance and leaves the rest.
+balance of analytical laws (van de Ven & Mason's efficiency with power-law breakup).  Where the first two differ, the ablation
+shows why: each entry changes one assumption of the balance and leaves the rest.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ from pbekit.tables.kernel_table import KernelTable
 LEAST_BREAKUPS = 100
 """Encounters with more products than parents.  95 % intervals of the steady <P> on synthetic tables of run-like encounters hold
 the truth in 0.74 of the cases with 50, 0.80 with 65, 0.89 with 85, and 0.94 with 100: below, fragments are borrowed from pairs
-that are too unlike (tests/test_pbe_evidence.py)."""
+that are too unlike (tests/pbekit/test_pbe_evidence.py)."""
 MOST_EXTRAPOLATED = 0.05
 """Share of the encounters that change sizes, or of the mass in them, that may meet in classes that nobody sampled."""
 MOST_MOVED = 0.01

@@ -1,4 +1,4 @@
-"""How wrong an interpolation between stresses is, told by tables left out.
+"""How wrong an interpolation between stresses is, estimated by leaving tables out.
 
 A quantity interpolated in the logarithm of stress between s_1 and s_2 is off, to second order, by its curvature times
 ln(s/s_1) ln(s_2/s), the *gap*.  Each inner table, left out and predicted from its neighbours, gives one value of that

@@ -87,7 +87,7 @@ def stress_law(
     Values over `stress` [Pa] with `*_low` and `*_high`: nan where encounters that were seen do not bear them, `no_steady_state`
     then says why.  P_br is nan too where it is larger than any two partners together were.
     *_interpolated : steady <P> and d32 from the tables at the next lower and the next higher stress alone, with bands that
-    hold the error of interpolation, told by the other tables between two (nan without any); the attribute
+    hold the error of interpolation, estimated by the other tables between two (nan without any); the attribute
     *_interpolated_inside says how many of how many values lie in these bands
     *_analytical : van de Ven & Mason's efficiency with power-law breakup, which is given <P> at the stress with most
     encounters (attribute `reference`) and P_br ~ stress^-ANALYTICAL_Q; extrapolated : share of encounters in pairs of
@@ -176,7 +176,7 @@ def _exponent(name: str, stress: np.ndarray, each: np.ndarray) -> dict[str, floa
 def interpolated(tables: list[KernelTable], draws: int) -> dict[str, np.ndarray]:
     """Steady <P> and d32 [m] at each inner stress from its two neighbours, with bands; nan at both ends.
 
-    The error of interpolation at one stress is told by the other inner tables, each predicted without the table at that
+    The error of interpolation at one stress is estimated from the other inner tables, each predicted without the table at that
     stress.  Empty where tables cannot be interpolated: of one stress, or of other shear rates or shapes.
     """
     stress = [stress_of(t) for t in tables]

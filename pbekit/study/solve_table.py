@@ -98,7 +98,7 @@ def solve_table(
     ----------
     table : one table or its file; with `stress`, several
     stress : [Pa], interpolated to from the tables at the next lower and the next higher stress.  Bands then hold the error of
-        interpolation too, told by leaving out each table that lies between two others; with two tables there is none, and
+        interpolation too, estimated by leaving out each table that lies between two others; with two tables there is none, and
         no band
     volume_fraction : of primaries; that of the table's scene by default
     shapes : "table", None for one mean shape per size, or boundaries of shape classes
@@ -177,7 +177,7 @@ def solve_table(
         _take_back_without_limit(data)
     if stress is not None and not known:
         data.attrs["no_band"] = (
-            "two tables do not tell the error of interpolation between them; give a third, at another stress, for bands"
+            "two tables leave the error of interpolation between them unknown; give a third, at another stress, for bands"
         )
     tell("done", 1.0)
     return data

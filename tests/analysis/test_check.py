@@ -98,7 +98,7 @@ def test_every_scene_can_be_checked(path):
         ({"numerics.explicit_euler.base_step": "5 us"}, "paper's step", "note", "no such limit"),
         ({"numerics.explicit_euler.base_step": "0.1 us"}, "paper's step", "fine", "resolves the contacts"),
         ({"numerics.implicit.max_step": 0.5}, "longest step", "warning", "not resolved"),
-        ({"numerics.start_distance": 2.0}, "start distance", "note", "already feel each other"),
+        ({"numerics.start_distance": 2.0}, "start distance", "note", "already interact"),
     ],
 )  # fmt: skip
 def test_verdicts_follow_the_numbers(changes, start, verdict, words):

@@ -11,15 +11,13 @@ from mcdem.analysis.accuracy_cost import draw_pairs, level_changes
 from mcdem.effects.sums import contact_equilibrium
 from mcdem.encounter.motion import analysed
 from mcdem.encounter.simulate import OUTCOMES, physics_of, shortcuts_of
+from mcdem.hydrodynamics import MENU
 from mcdem.hydrodynamics.grand_mobility import tensor_to_five
 from mcdem.integrators import state
 
 PAPER = mcdem.load_scene("scenes/paper-1000Pa.toml")
 RADIUS, RATE = PAPER.suspension.radius, PAPER.flow.shear_rate
-LEVELS = {
-    level: PAPER.with_changes(level_changes(level)) for level in ("free_draining", "rotne_prager", "fts")
-}
-LEVELS["stokesian"] = PAPER
+LEVELS = {level: PAPER.with_changes(level_changes(level)) for level in MENU}
 MONOMER = mcdem.Aggregate.monomer()
 GRADIENT = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 STRAIN = 0.5 * (GRADIENT + GRADIENT.T)

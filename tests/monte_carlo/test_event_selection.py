@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from mcdem.monte_carlo.event_selection import EventSelection, event_selection
+from mcdem.monte_carlo.event_selection import WAYS, EventSelection, event_selection
 from mcdem.monte_carlo.event_selection.contract import encounter_rate
 from mcdem.monte_carlo.event_selection.majorant_rejection import BLOCK, MajorantRejection, capacity_for
 from mcdem.monte_carlo.population import SamplePopulation
@@ -21,7 +21,6 @@ from mcdem.monte_carlo.process import Process
 from mcdem.quantities.random_streams import stream
 
 SIGNIFICANCE = 1e-3
-WAYS = ("majorant_rejection", "inverse_transform")
 
 
 def polydisperse(scene, sizes) -> SamplePopulation:

@@ -1,4 +1,4 @@
-"""Who may import whom: the rooms of the tree stay apart."""
+"""Who may import whom: the packages of the tree stay apart."""
 
 import ast
 import subprocess
@@ -42,7 +42,7 @@ def holds_kernels(source: Path) -> bool:
 
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda source: str(source.relative_to(ROOT)))
-def test_rooms_stay_apart(source):
+def test_packages_stay_apart(source):
     place = source.relative_to(ROOT)
     for outside in ("tests", "validation", "benchmarks", "notebooks"):
         assert not reaches(source, outside), f"{place} imports {outside}, which no package may"
@@ -52,7 +52,7 @@ def test_rooms_stay_apart(source):
         allowed = (*SHARED, *CROSSINGS.get(str(place), ()))
         for name in imported(source) - {"pbekit"}:  # of `from pbekit import endings`
             taken = name.split(".")[0] == "pbekit"
-            within = any(name == room or name.startswith(f"{room}.") for room in allowed)
+            within = any(name == own or name.startswith(f"{own}.") for own in allowed)
             assert not taken or within, (
                 f"{place} imports {name}: it may import {', '.join(allowed)} of pbekit"
             )

@@ -97,7 +97,7 @@ CASE = Case(
     claim="An effect that a scene does not name changes nothing to round-off, and its absence costs nothing: a step takes as "
     "long as in a build that never had the effect, within 2 %.",
     source="builds from whose sources the effect is cut, side by side with the whole (benchmarks/absent_effects.py); saved in "
-    "validation/data, whose README tells the command",
+    "validation/data, whose README gives the command",
     tolerance="strength zero is absence to the last bit; resistances double the unknowns, so to 1e-11, where iterations end at "
     "round-off; times to 2 %, standard error included",
     measure=measure,

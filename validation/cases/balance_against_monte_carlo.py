@@ -47,7 +47,7 @@ def rank(one: np.ndarray, several: np.ndarray) -> float:
     middle, spread = several.mean(axis=0), several.std(axis=0, ddof=1)
     # At the start all are alike; the run's reals are rounded to 1e-4 (`mcdem compress`).
     used = spread > 1e-3 * np.abs(middle).max()
-    # Each is held against the mean of all others and itself, as the run is.
+    # Each is compared with the mean of all others and itself, as the run is.
     far = lambda x: np.abs((x - middle)[..., used] / spread[used]).max(axis=-1)
     return float((1 + (far(several) >= far(one)).sum()) / (1 + len(several)))
 
@@ -104,7 +104,7 @@ CASE = Case(
     claim="The balance on a run's tabulated encounters gives that run's sizes back: the run cannot be told from a single run of "
     "the balance's own rules in a sample as large.",
     source="notebooks/data: the longest run at 1000 Pa, and the table of its encounters with designed ones (README there); "
-    "rules: pbekit/estimated_rates/estimated rates.py, drawn one at a time by pbekit/solution/finite_population.py",
+    "rules: pbekit/estimated_rates/estimated_rates.py, drawn one at a time by pbekit/solution/finite_population.py",
     tolerance="a rank among single runs above 2 %; late means within 15 %, some four times the scatter of single runs",
     measure=measure,
     judge=judge,

@@ -24,7 +24,7 @@ def scene():
 
 
 def relative(scene, r, pull=0.0):
-    """Velocity of sphere 2 relative to 1 at separation r (3,) [a], in a g; `pull` [6 pi mu a^2 g] drives them apart."""
+    """Velocity of sphere 2 relative to 1 at separation r (3,) [a], in a g; `pull` [6 pi mu a^2 g] pushes them apart."""
     import mcdem
 
     radius, units = scene.suspension.radius, scene.reduced

@@ -1,4 +1,4 @@
-"""Clusters whose contacts bear moments, sheared until they lose a bond: size against stress, in motion and by statics.
+"""Clusters whose contacts transmit torques, sheared until they lose a bond: size against stress, in motion and by statics.
 
 python -m validation.cases.breakup_fractal_motion > validation/data/fractal_motion.json
 """
@@ -185,13 +185,13 @@ def judge(context: Context, found):
     return Findings(
         tuple(checks),
         draw,
-        "Stress at which clusters whose contacts bear moments lose a bond and come apart, sheared from their worst orientation.",
+        "Stress at which clusters with contact torques lose a bond and come apart, sheared from the worst orientation.",
     )
 
 
 CASE = Case(
     chapter=5,
-    claim="In motion too, tenuous clusters whose contacts bear moments break at a size that falls as stress^-q with q near "
+    claim="In motion too, tenuous clusters whose contacts transmit torques break at a size that falls as stress^-q with q near "
     "d_f/2, chains with q between 1/2 and 4/5; the first bond that goes splits them.",
     source="largest force inside a cluster-cluster aggregate scales as its radius of gyration squared (arXiv:1405.3704; "
     "Polimeno, Kim & Blanchette 2024, arXiv:2411.12966, for shear); slender bodies: Batchelor 1970; contacts: rods of Becker & "

@@ -148,7 +148,7 @@ CASE = Case(
     inputs=lambda context: (datasets.DESIGNED, datasets.SERIES),
     seen=("outcomes_shuffled",),
     expected=Verdict.cannot_say,
-    because="of (1, P) with P from 4 to 7 too few touch to tell; most others differ, since the laws are for porous flocs: a "
+    because="of (1, P) with P from 4 to 7 too few touch to decide; most others differ, since the laws are for porous flocs: a "
     "primary touches a compact cluster at about half their rate, two equal clusters at about twice; no law that was looked at "
     "has the shape of these aggregates in it",
 )

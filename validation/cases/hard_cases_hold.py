@@ -34,7 +34,7 @@ def judge(context: Context, found):
     rows = [row for several in found.values() for row in several]
     checks = [
         below(
-            f"laws broken, of {len(rows)} held against {len({row['case'] for row in rows})} cases",
+            f"laws broken, of {len(rows)} checked on {len({row['case'] for row in rows})} cases",
             sum(row["verdict"] == "broken" for row in rows),
             0.5,
         )

@@ -147,8 +147,9 @@ CASE = Case(
     chapter=4,
     claim="Doubling the sample when its aggregates become few biases neither growth nor the steady balance of growth and "
     "breakup beyond what a sample of that many must show, about one over their number.",
-    source="the process with its own clocks, population and doublings, and encounters that stick with one efficiency and split "
-    "above one size (own, validation/exact/encounters.py), against the rate equations of Smoluchowski 1917 for the same rules",
+    source="the process with its own event selection, population and doublings, and encounters that stick with one efficiency "
+    "and split above one size (own, validation/exact/encounters.py), "
+    "against the rate equations of Smoluchowski 1917 for the same rules",
     tolerance="2 over the aggregates at the start, the order of a finite sample's bias (Marcus 1968), and four standard errors; "
     "round-off for primaries per volume",
     measure=measure,

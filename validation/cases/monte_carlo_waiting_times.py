@@ -77,8 +77,8 @@ def judge(context: Context, found):
 
 CASE = Case(
     chapter=4,
-    claim="Encounters come after exponential waits, each pair as often as its frequency f_ij asks, by the clocks and by the "
-    "paper's inversion.",
+    claim="Encounters come after exponential waits, each pair as often as its frequency f_ij asks, by majorant rejection "
+    "and by the paper's inverse-transform sampling.",
     source="Frungieri & Vanni 2021, Eqs. 2-6",
     tolerance="p above 1e-4 for each of six tests with a fixed seed: a right program had a chance of 6e-4 to be refused",
     measure=measure,

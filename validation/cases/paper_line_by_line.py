@@ -19,8 +19,8 @@ EXPLAINED = {
     "(two runs each but at 875), but not to 1: with the efficiencies measured, K_12/K_11 is (3/2)^3 times 0.43, so 1.5, and "
     "while <P> grows from 2 to 4 ten encounters stick for one that breaks: nothing here holds growth back so early",
     "σ_P/⟨P⟩": "open: it passes 0.60 at 31 s, when a quarter of the aggregates are primaries of the start not caught yet; to "
-    "stay there the population balance needs primaries caught ten times less often. The paper's own stepping catches nine in ten "
-    "of the same (benchmarks/paper_scheme.py), and of the switches in notebook 02 only a smaller cut-off of lubrication catches "
+    "stay there the population balance needs primaries caught ten times less often. The paper's own scheme catches nine in ten "
+    "of the same (benchmarks/paper_scheme.py), and of the ablations in notebook 02 only a smaller cut-off of lubrication catches "
     "them later",
     "d_g, P > 3, P on": "the other regression, length on P, would meet it (sensitivity)",
     "k_g, P > 3, P on": "as of d_g",
@@ -278,5 +278,5 @@ CASE = Case(
     seen=("clock_slow",),
     expected=Verdict.differs,
     because="open: the steady population is smaller and narrower, with few primaries, growth still accelerates at 1000 Pa, and "
-    "what breaks depends less on stress; every other difference is that of a convention, told by the row beside it",
+    "what breaks depends less on stress; every other difference is that of a convention, given in the row beside it",
 )

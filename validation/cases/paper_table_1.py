@@ -13,7 +13,7 @@ BOLTZMANN, ROOM = 1.380649e-23, 298.15
 
 
 def effects_of(scene):
-    """The laws of contact and attraction as an encounter feels them."""
+    """The laws of contact and attraction as an encounter uses them."""
     from mcdem.encounter import simulate as encounter
 
     _, physics = encounter.physics_of(scene)

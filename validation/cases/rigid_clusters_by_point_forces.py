@@ -33,8 +33,8 @@ CLUSTERS = {
 }
 QUICK = ("doublet", "chain of 3", "triangle", "tetrahedron")
 GAP_OF_METHOD = (
-    "Stokesian dynamics' own error: lubrication is pairwise and moments beyond the stresslet are left out, felt most where every "
-    "sphere touches several"
+    "Stokesian dynamics' own error: lubrication is pairwise and moments beyond the stresslet are left out, "
+    "which matters most where every sphere touches several"
 )
 
 

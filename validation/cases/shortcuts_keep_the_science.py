@@ -69,7 +69,7 @@ def judge(context: Context, found):
         checks.append(above(f"{label}: encounters in the sample", numbers["encounters"], ENOUGH))
         for way, rows in numbers["compared"].items():
             for row in rows:
-                # Agreement is a difference inside the interval that chance allows; the interval is told with it.
+                # Agreement is a difference inside the interval that chance allows; the interval is given with it.
                 checks.append(
                     near(
                         f"{label}: {row['quantity']}, default against {way}",
@@ -125,7 +125,7 @@ CASE = Case(
     chapter=8,
     claim="Encounters of real populations come out alike with and without the shortcuts: outcomes, fragments, geometry.",
     source="the paper's scheme, and implicit steps without shortcuts at a quarter of the step; "
-    "samples saved in validation/data, whose README tells the command",
+    "samples saved in validation/data, whose README gives the command",
     tolerance="simultaneous 95 % intervals of the paired differences, none wider than 0.1",
     parts=parts,
     measure=measure,

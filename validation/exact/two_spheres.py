@@ -1,7 +1,7 @@
-"""The slow twin of an encounter of two primaries: exact two-sphere mobilities, integrated by a library to tight tolerance.
+"""The slow reference for an encounter of two primaries: exact two-sphere mobilities, integrated by a library to tight tolerance.
 
 Batchelor & Green 1972: two free spheres of radius 1 at r = r2 - r1 in a linear flow, gap xi = r - 2, central force F > 0
-driving them apart (units a, 1/g, 6 pi mu a^2 g),
+pushing them apart (units a, 1/g, 6 pi mu a^2 g),
 
     dr/dt = omega x r + E.r - [A nn + B (1 - nn)].E.r + G F n,     G = 2/(XA11 - XA12)
 """

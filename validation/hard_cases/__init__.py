@@ -1,4 +1,4 @@
-"""Hard cases: what breaks codes of this kind, each with what a user would do to meet it, held against stated laws.
+"""Hard cases: what breaks codes of this kind, each with what a user would do to meet it, checked against stated laws.
 
     python -m validation.hard_cases                 the whole catalogue
     python -m validation.hard_cases --quick         what takes seconds

@@ -1,4 +1,4 @@
-"""What a hard case is, and what is told of it."""
+"""What a hard case is, and what is reported of it."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ WITHOUT_SHORTCUTS: Mapping[str, Any] = {
 
 
 class Finding(NamedTuple):
-    """A law held against a case."""
+    """A law checked on a case."""
 
     case: str
     law: str
@@ -89,8 +89,8 @@ class Encounter:
     changes : of the paper's scene at 1000 Pa, by dotted keys
     offset : (x0, y0) in R_i + R_j;  orient : seed of random orientations, None for those of the shapes
     strain : g t that is watched step by step, from a distance of 1.2 (R_i + R_j) on
-    chaotic : trajectories part from each other whatever the step, so only what statistics tell is held against refinement
-    schemes : of stepping, watched;  expected : law -> why it is known to fail
+    chaotic : trajectories part from each other whatever the step, so only statistics are compared under refinement
+    schemes : time integration schemes, watched;  expected : law -> why it is known to fail
     """
 
     name: str
@@ -221,7 +221,7 @@ class Shortcut:
 
 @dataclass(frozen=True)
 class Refused:
-    """Something that is not begun: the user is told why, in one line that says what to do."""
+    """Something that is not begun: the user reads why, in one line that says what to do."""
 
     name: str
     story: str

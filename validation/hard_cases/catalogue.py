@@ -119,7 +119,7 @@ LEVELS: list[Case] = [
 ]  # fmt: skip
 
 CLUSTERS: list[Case] = [
-    Encounter("one redundant contact", "a cluster that no more than statics can tell", shape(one_redundant_centres(), 1),
+    Encounter("one redundant contact", "a cluster whose tensions statics alone does not fix", shape(one_redundant_centres(), 1),
               shape(bipyramid_centres(), 2)),
     Encounter("isostatic clusters", "the clusters of Table 2", shape(bipyramid_centres(), 1),
               shape(bipyramid_centres(), 2)),
@@ -187,15 +187,15 @@ SHORTCUTS: list[Case] = [
              exact=edges.exact_capture_offset(0.0, 0.4, 1.0), off_by=1e-3),
     Shortcut("far approach: within the closed orbits", "starts where the two draw each other in, sooner than the flow does",
              ("far_approach",), edges.capture_offset(0.9, 0.02, 0.4), 1e-2, {**AT_750, **FINE}),
-    Shortcut("lag: edge of contact of clusters", "an offset at which clusters just touch", ("implicit.far_field_tolerance",),
-             edges.touching_offset(*TETRAHEDRON, 0.2, 0.9), 5e-3, quick=False),
+    Shortcut("frozen far field: edge of contact of clusters", "an offset at which clusters just touch",
+             ("implicit.far_field_tolerance",), edges.touching_offset(*TETRAHEDRON, 0.2, 0.9), 5e-3, quick=False),
     Shortcut("sure miss: edge of contact of clusters", "an offset at which clusters just touch",
              ("far_approach", "sure_miss", "separation"), edges.touching_offset(*TETRAHEDRON, 0.2, 0.9), 1e-2, quick=False),
     Shortcut("sure miss: a gap of half a radius", "clusters that pass at the gap from which on they pass as bodies",
              ("far_approach", "sure_miss", "separation"), edges.passing_gap(*TETRAHEDRON, (0.0, 0.62)), 0.1, outright=True),
     *[Shortcut(f"{name}: stress that breaks {what}", "a stress at which an aggregate just breaks", keys,
                edges.breaking_stress(broken, low, high), 0.02, quick=False)
-      for name, keys in (("rigid rotation", ("rigid_rotation",)), ("inert", ("end_stable", "separation")))
+      for name, keys in (("rigid rotation", ("rigid_rotation",)), ("stable in every orientation", ("end_stable", "separation")))
       for what, broken, low, high in (("a doublet", doublet(0.0), 500.0, 20000.0),
                                       ("an octahedron", OCTAHEDRON, 500.0, 20000.0))],
 ]  # fmt: skip

@@ -40,7 +40,7 @@ def warm_up() -> None:
 
 
 def judge(cases: Iterable[Case], told: Callable[[Finding], None] = lambda finding: None) -> list[Judged]:
-    """Hold every case against its laws; `told` of each finding as it comes."""
+    """Check every case against its laws; `told` is called with each finding as it comes."""
     warm_up()
     judged = []
     for case in cases:

@@ -4,9 +4,9 @@ Each pair (i, j) meets at the rate f_ij = (4/3) g (R_i + R_j)^3 / Delta V (Frung
 are competing Poisson processes; in other flows than simple shear, g is that of one in which they meet as often.
 Both ways here sample exactly that law:
 
-- `majorant_rejection`: proposals at a rate above all pairs', thinned (Lewis & Shedler 1979); they do not depend on what the
+- `majorant_rejection`: proposals at a rate above all pairs', some rejected (Lewis & Shedler 1979); they do not depend on what the
   places hold, so that those ahead are known; the default.
-- `inverse_transform`: the paper's own Eqs. 3-6 over the table of all pairs; the slow twin.
+- `inverse_transform`: inverse-transform sampling by the paper's own Eqs. 3-6 over the table of all pairs; the slow reference.
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ class EventSelection(Protocol):
     """A way to draw the sequence of encounters of a population that changes between them."""
 
     def ahead(self, count: int) -> Meetings:
-        """The next encounters, at most `count`, as they stand if no aggregate changed on the way; none if none can be."""
+        """The next encounters, at most `count`, as they stand if no aggregate changes before them; none if none can be."""
 
     def happened(self, meeting: Meeting, changed: Iterable[int]) -> None:
         """The first of those ahead took place and changed what these places of the population hold."""

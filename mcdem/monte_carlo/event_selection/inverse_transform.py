@@ -1,6 +1,7 @@
-"""Encounters as the paper draws them: the table of all pair frequencies, and inversion (Frungieri & Vanni, Eqs. 2-6).
+"""Encounters as the paper draws them: inverse-transform sampling from the table of all pair frequencies
+(Frungieri & Vanni, Eqs. 2-6).
 
-The table costs N^2 memory and its sums N^2 time per event; it is here as the reference that `majorant_rejection` is held against.
+The table costs N^2 memory and its sums N^2 time per event; it is the reference with which `majorant_rejection` is compared.
 """
 
 from __future__ import annotations

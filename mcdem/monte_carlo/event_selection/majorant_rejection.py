@@ -65,7 +65,7 @@ def accepted(first, second, reach, radius, start, found):
 
 
 class MajorantRejection:
-    """`EventSelection` by thinned proposals.
+    """`EventSelection` by proposals of which some are rejected.
 
     Attributes
     ----------
