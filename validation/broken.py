@@ -211,7 +211,7 @@ def clock_slow() -> Iterator[None]:
     from mcdem.analysis.dataset import RunDataset
     from validation import datasets
 
-    intact, series = RunDataset.time.fget, datasets.series  # type: ignore[attr-defined]
+    intact, series = RunDataset.time.fget, datasets.series  # type: ignore[attr-defined]  # a property
 
     def slow():
         run = series()

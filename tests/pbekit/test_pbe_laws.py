@@ -31,7 +31,7 @@ from pbekit.balance.breakage import (
     Uniform,
 )
 from pbekit.balance.kernels import Constant, FractalRadius, Product, ShearEncounter, Sum
-from pbekit.solution import solve
+from pbekit.solution.solve import solve
 
 CLOSED = 1e-13  # mass, relative to the mass that moves
 SHARE = np.array([0.5, 0.3, 0.2])
