@@ -59,7 +59,7 @@ def offset_at_door(scene: Scene, offset: object, reach: float) -> tuple[float, f
     Raises `UserError`.
     """
     try:
-        pair: tuple[Any, ...] = tuple(offset)  # type: ignore[arg-type]
+        pair: tuple[Any, ...] = tuple(offset)  # type: ignore[arg-type]  # fails if it is no pair
     except TypeError:
         pair = ()
     if len(pair) != 2 or isinstance(offset, str):

@@ -173,7 +173,9 @@ class Library:
                 return int(i), int(j)
 
 
-def _shapes(aggregates: Sequence[Aggregate], radius: float) -> tuple[NDArray, NDArray, NDArray]:
+def _shapes(
+    aggregates: Sequence[Aggregate], radius: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Aspect ratio, radius of gyration [m] and outer radius [m] of each."""
     sizes = np.array([a.size for a in aggregates])
     moments = second_moments(np.concatenate([a.positions for a in aggregates]), sizes)
@@ -462,7 +464,9 @@ def refuse_unwritable(path: Path, *, resume: bool, overwrite: bool) -> None:
     FILES.check(path, TABLE)
 
 
-def _classes(scene, runs, reused, shape, shapes, seed) -> KernelTable:
+def _classes(
+    scene: Scene, runs: Sequence[RunDataset], reused: Records, shape: str, shapes: int, seed: int
+) -> KernelTable:
     """An empty table whose classes fit what the runs saw."""
     seen = reused if len(reused) else Records.join([records_of_run(run) for run in runs])
     if len(seen) and shape == "aspect ratio" and np.isnan(seen.aspect_ratio[seen.size > 2]).any():
@@ -514,5 +518,5 @@ def _classes_of(pair: int) -> tuple[int, int]:
     return int(pair - b * (b + 1) // 2), b
 
 
-def _now(reused, done, wanted, known, started) -> TableProgress:
+def _now(reused: Records, done: int, wanted: int, known: Plan, started: float) -> TableProgress:
     return TableProgress(len(reused), done, wanted, known.mean_size, known.error, clock.monotonic() - started)

@@ -43,7 +43,7 @@ _PERIOD = TIME.positive.between("1e-15 s", "1e15 s")
 class Hydrodynamics(Table):
     """Hydrodynamic interaction between the particles."""
 
-    level: Literal[tuple(LEVELS)] = "stokesian"  # type: ignore[valid-type]
+    level: Literal[tuple(LEVELS)] = "stokesian"  # type: ignore[valid-type]  # known at run time
     """"free_draining": Stokes drag on each sphere by itself; "rotne_prager": far field of forces and torques;
     "fts": of forces, torques and stresslets; "stokesian": the same with pair lubrication, which alone has the keys below."""
     lubrication_cutoff: Annotated[float, DIMENSIONLESS.non_negative.between("0", "10", "5e-3")] = 5e-3
@@ -76,7 +76,7 @@ class Hydrodynamics(Table):
 class NumericsOfScene(Table):
     """How an encounter is integrated and how events are drawn."""
 
-    scheme: Literal[tuple(SCHEMES)] = DEFAULT  # type: ignore[valid-type]
+    scheme: Literal[tuple(SCHEMES)] = DEFAULT  # type: ignore[valid-type]  # known at run time
     """"implicit": midpoint steps, contacts solved at the end of the step; "explicit_euler": the paper's, with the time step of
     Eq. 20.  The keys of each are in a table of its name."""
     start_distance: Annotated[float, DIMENSIONLESS.positive.between("1", "1e4", "5")] = 5.0

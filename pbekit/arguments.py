@@ -71,13 +71,13 @@ def least_draws(level: float = LEVEL) -> int:
 
 def draws(name: str, given: object, none: bool = False) -> int:
     """A number of draws that a band can be read from, or 0 where there may be `none`; `name` as in `until`."""
-    good = isinstance(given, Integral) and not isinstance(given, bool) and int(given) <= MOST_DRAWS
-    if not good or not (int(given) >= least_draws() or (none and int(given) == 0)):  # type: ignore[call-overload]
+    count = int(given) if isinstance(given, Integral) and not isinstance(given, bool) else -1
+    if not (least_draws() <= count <= MOST_DRAWS or (none and count == 0)):
         raise PBEError(
             f"{name} {shown(given)}: expected {'0 (no bands) or ' if none else ''}{least_draws()} to {MOST_DRAWS}; "
             f"{least_draws()} are the fewest that a {100 * LEVEL:g} % band can be read from"
         )
-    return int(given)  # type: ignore[call-overload]
+    return count
 
 
 def array(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import linalg, special
 
 
-def chain_scission(size, time: float, number: float, length: int, bond_rate: float):
+def chain_scission(size: ArrayLike, time: float, number: float, length: int, bond_rate: float) -> np.ndarray:
     """n_k of chains of `length` whose bonds break independently at `bond_rate` (Montroll & Simha 1940)."""
     k = np.asarray(size, float)
     intact = np.exp(-bond_rate * time)
@@ -19,7 +20,9 @@ def chain_scission(size, time: float, number: float, length: int, bond_rate: flo
     )
 
 
-def random_scission(volume_below, time: float, number: float, mean: float, rate: float):
+def random_scission(
+    volume_below: ArrayLike, time: float, number: float, mean: float, rate: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Cumulative (number, mass) below v: S = s v, b = 2/u from number/mean exp(-v/mean) (Ziff & McGrady 1985)."""
     from pbekit.balance.kernels import exponential_below
 
@@ -28,7 +31,7 @@ def random_scission(volume_below, time: float, number: float, mean: float, rate:
     return below[0](volume_below), below[1](volume_below)
 
 
-def chain_bonding(size, time: float, number: float, rate: float, bond_rate: float):
+def chain_bonding(size: ArrayLike, time: float, number: float, rate: float, bond_rate: float) -> np.ndarray:
     """Constant aggregation against bonds that break at `bond_rate` each, from monomers (Blatz & Tobolsky 1945).
 
     n_k = N0 (1 - p)^2 p^(k-1) with dp/dt = (K N0/2) ((1 - p)^2 - lam p), lam = 2 k_b/(K N0).
@@ -42,7 +45,9 @@ def chain_bonding(size, time: float, number: float, rate: float, bond_rate: floa
     return number * (1 - p) ** 2 * p ** (k - 1)
 
 
-def aggregation_with_random_scission(time: float, number: float, mean: float, rate: float, breakage: float):
+def aggregation_with_random_scission(
+    time: float, number: float, mean: float, rate: float, breakage: float
+) -> float:
     """Total number: constant aggregation K with S = s v, b = 2/u, from an exponential (McCoy & Madras 2003).
 
     The distribution stays exponential: n = N^2/M exp(-N v/M), dN/dt = s M - K N^2/2.
@@ -52,7 +57,9 @@ def aggregation_with_random_scission(time: float, number: float, mean: float, ra
     return steady * (number + steady * t) / (steady + number * t)
 
 
-def two_component_constant(first, second, time: float, number: float, rate: float, share: float):
+def two_component_constant(
+    first: ArrayLike, second: ArrayLike, time: float, number: float, rate: float, share: float
+) -> np.ndarray:
     """n_(a, b) of whole primaries, from monomers of which `share` are A (after Lushnikov 1976): binomial in each size."""
     a, b = np.asarray(first, float), np.asarray(second, float)
     k, t = a + b, 0.5 * rate * number * time
@@ -63,13 +70,13 @@ def two_component_constant(first, second, time: float, number: float, rate: floa
     return np.where(k > 0, number * np.exp(log), 0.0)
 
 
-def rectangle_breakage_moment(order, time: float, initial: float, rate: float):
+def rectangle_breakage_moment(order: tuple[int, int], time: float, initial: float, rate: float) -> float:
     """M_pq of breakage at a constant rate with b = 2/(x' y'): initial exp((2/((p+1)(q+1)) - 1) s t)."""
     p, q = order
     return initial * np.exp((2 / ((p + 1) * (q + 1)) - 1) * rate * time)
 
 
-def marcus_lushnikov_constant(time: float, number: int, rate: float, volume: float):
+def marcus_lushnikov_constant(time: float, number: int, rate: float, volume: float) -> tuple[float, float]:
     """Mean and variance of the number of clusters of a finite population, constant kernel, from `number` monomers.
 
     The number is a pure death process m -> m - 1 at rate K m (m - 1)/(2 V) (Marcus 1968, Lushnikov 1978).

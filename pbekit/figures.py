@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
 from pbekit.outputs import FILES
@@ -34,7 +38,7 @@ TABULATED, MONTE_CARLO, ANALYTICAL, SINGLE_RUNS = (
 )
 
 
-def save(figure, data: xr.Dataset, path: Path) -> Path:
+def save(figure: Figure, data: xr.Dataset, path: Path) -> Path:
     """The figure as PNG and its numbers as NetCDF of the same name."""
     try:
         FILES.write_picture(path.with_suffix(".png"), figure)
@@ -111,14 +115,14 @@ def draw_distribution(found: Comparison, path: Path) -> Path:
         return save(figure, data, path)
 
 
-def _distribution(ax, data: xr.Dataset, key: str) -> None:
+def _distribution(ax: Axes, data: xr.Dataset, key: str) -> None:
     size = data["size"].values
     top = float(data[key].max())
     floor = 1e-5 * top
     if f"{key}_run_low" in data:
         # A run of some hundred aggregates may show none of a size: its band then reaches below the axis.
-        ends = (np.maximum(data[f"{key}_run_{end}"], 0.1 * floor) for end in ("low", "high"))
-        ax.fill_between(size, *ends, color=BLUE, alpha=0.12, lw=0, label=SINGLE_RUNS)
+        low, high = (np.maximum(data[f"{key}_run_{end}"], 0.1 * floor) for end in ("low", "high"))
+        ax.fill_between(size, low, high, color=BLUE, alpha=0.12, lw=0, label=SINGLE_RUNS)
     ax.fill_between(size, data[f"{key}_low"], data[f"{key}_high"], color=BLUE, alpha=0.3, lw=0)
     ax.plot(size, data[key], color=BLUE, label=f"{TABULATED}, 90 % band")
     # A run that still changes shows no steady state.
@@ -211,16 +215,16 @@ def draw_volume_fractions(data: xr.Dataset, path: Path) -> Path:
         return save(figure, data, path)
 
 
-def _legend_below(figure, axes, ncols: int = 2) -> None:
+def _legend_below(figure: Figure, axes: np.ndarray, ncols: int = 2) -> None:
     """One legend of all panels, each name once, below them."""
-    named: dict[str, object] = {}
+    named: dict[str, Artist] = {}
     for ax in np.ravel(axes):
         for handle, name in zip(*ax.get_legend_handles_labels(), strict=True):
             named.setdefault(name, handle)
     figure.legend(list(named.values()), list(named), loc="outside lower center", ncols=ncols)
 
 
-def _ticks_at(ax, values) -> None:
+def _ticks_at(ax: Axes, values: np.ndarray) -> None:
     """Label a logarithmic axis at the values themselves; between close ones its own labels overlap."""
     ax.set_xticks(values, [f"{v:.4g}" for v in values])
     ax.xaxis.set_minor_locator(NullLocator())
@@ -298,7 +302,7 @@ def draw_stress_law(data: xr.Dataset, runs: dict[float, tuple[float, float]], pa
         return save(figure, data, path)
 
 
-def _with_exponent(ax, data: xr.Dataset, key: str, unit: float, style: dict) -> None:
+def _with_exponent(ax: Axes, data: xr.Dataset, key: str, unit: float, style: dict[str, Any]) -> None:
     """Values with their bands; the exponent, if there is one, in the legend."""
     values = unit * data[key].values
     known = np.isfinite(values)
@@ -311,7 +315,7 @@ def _with_exponent(ax, data: xr.Dataset, key: str, unit: float, style: dict) -> 
     ax.errorbar(data.stress[known], values[known], yerr=_length(ends), ms=4, capsize=3, **style)
 
 
-def _interpolated(ax, data: xr.Dataset, key: str, unit: float) -> None:
+def _interpolated(ax: Axes, data: xr.Dataset, key: str, unit: float) -> None:
     """Values from the neighbouring stresses, beside their stress so that both bands can be read; open without a band."""
     guess = unit * data[f"{key}_interpolated"].values
     low, high = (unit * data[f"{key}_interpolated_{end}"].values for end in ("low", "high"))

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 from scipy import special
+
+Below = Callable[[ArrayLike], np.ndarray]
+"""What lies below a mass: cumulative number or mass, as a function of it."""
 
 
 def moment(number: xr.DataArray, mass: xr.DataArray, order: float) -> xr.DataArray:
@@ -12,23 +18,23 @@ def moment(number: xr.DataArray, mass: xr.DataArray, order: float) -> xr.DataArr
     return (number * mass**order).sum("cell")
 
 
-def mean_size(number, mass) -> xr.DataArray:
+def mean_size(number: xr.DataArray, mass: xr.DataArray) -> xr.DataArray:
     """<P> = M1/M0, the arithmetic mean over aggregates."""
     return moment(number, mass, 1) / moment(number, mass, 0)
 
 
-def size_deviation(number, mass) -> xr.DataArray:
+def size_deviation(number: xr.DataArray, mass: xr.DataArray) -> xr.DataArray:
     """sigma_P, standard deviation of P over aggregates."""
     variance = moment(number, mass, 2) / moment(number, mass, 0) - mean_size(number, mass) ** 2
     return variance.clip(min=0) ** 0.5
 
 
-def sauter_diameter(number, outer_radius) -> xr.DataArray:
+def sauter_diameter(number: xr.DataArray, outer_radius: xr.DataArray) -> xr.DataArray:
     """d32 = 2 sum R^3 / sum R^2 (the paper's Eq. 24) [m]."""
     return 2 * (number * outer_radius**3).sum("cell") / (number * outer_radius**2).sum("cell")
 
 
-def summary(number, mass, outer_radius) -> dict[str, xr.DataArray]:
+def summary(number: xr.DataArray, mass: xr.DataArray, outer_radius: xr.DataArray) -> dict[str, xr.DataArray]:
     """What an experimenter reads first."""
     found = {
         "total_number": moment(number, mass, 0),
@@ -42,7 +48,7 @@ def summary(number, mass, outer_radius) -> dict[str, xr.DataArray]:
     return found
 
 
-def schulz_zimm_below(number: float, mean: float, shape: float):
+def schulz_zimm_below(number: float, mean: float, shape: float) -> tuple[Below, Below]:
     """Cumulative number and mass of a Schulz-Zimm (gamma) distribution; 1/shape is the relative variance."""
     rate = shape / mean
     return (

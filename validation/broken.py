@@ -67,8 +67,8 @@ def delta_moved() -> Iterator[None]:
 def distances_long() -> Iterator[None]:
     """Free spheres interact as if they were 5 % further apart."""
     from mcdem import free_spheres
+    from mcdem.hydrodynamics.velocities import solve_velocities as intact
 
-    intact = free_spheres.solve_velocities
     with mock.patch.object(
         free_spheres,
         "solve_velocities",
@@ -81,8 +81,8 @@ def distances_long() -> Iterator[None]:
 def distances_double() -> Iterator[None]:
     """Free spheres interact as if they were twice as far apart."""
     from mcdem import free_spheres
+    from mcdem.hydrodynamics.velocities import solve_velocities as intact
 
-    intact = free_spheres.solve_velocities
     with mock.patch.object(
         free_spheres,
         "solve_velocities",
@@ -211,7 +211,7 @@ def clock_slow() -> Iterator[None]:
     from mcdem.analysis.dataset import RunDataset
     from validation import datasets
 
-    intact, series = RunDataset.time.fget, datasets.series  # type: ignore[attr-defined]
+    intact, series = RunDataset.time.fget, datasets.series  # type: ignore[attr-defined]  # a property
 
     def slow():
         run = series()
@@ -244,8 +244,7 @@ def outcomes_shuffled() -> Iterator[None]:
 def smallest_for_largest() -> Iterator[None]:
     """Of what broke, what is left beside the largest fragment is taken for the largest."""
     from mcdem.analysis import dataset as runs
-
-    intact = runs.breakups
+    from mcdem.analysis.breakup import breakups as intact
 
     def breakups(*columns):
         found = intact(*columns)

@@ -35,12 +35,12 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]
 
 
-def _per_aggregate(values: NDArray, sizes: Ints) -> NDArray:
+def _per_aggregate(values: Floats, sizes: Ints) -> Floats:
     """Sums over the primaries of each aggregate. values : (sum P, ...) -> (A, ...)"""
     return np.add.reduceat(values, np.concatenate([[0], np.cumsum(sizes)[:-1]]), axis=0)
 
 
-def _weighted_mean(values: NDArray, sizes: Ints, radii: Floats | None) -> NDArray:
+def _weighted_mean(values: Floats, sizes: Ints, radii: Floats | None) -> Floats:
     """Mean over the mass of each aggregate. values : (sum P, ...) -> (A, ...)"""
     if radii is None:
         return _per_aggregate(values, sizes) / sizes.reshape(-1, *[1] * (values.ndim - 1))

@@ -146,7 +146,10 @@ class RunDataset:
     def snapshot_times(self) -> NDArray[np.float64]:
         return np.asarray(self._snapshots["time"].values)
 
-    def _ragged(self, snapshot: int) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    def _ragged(
+        self, snapshot: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.integer], NDArray[np.integer], NDArray[np.integer]]:
+        """Positions, sizes, bonds and numbers of bonds of a snapshot, as `morphology` takes them."""
         s = self._snapshots
         ends = np.cumsum(s["number_of_aggregates"].values)
         snapshot %= len(ends)
@@ -173,7 +176,7 @@ class RunDataset:
         )
         return found.assign_attrs(time=float(self.snapshot_times[snapshot]), stress=self.stress)
 
-    def geometry(self, aggregate: int, snapshot: int = -1) -> tuple[NDArray, NDArray]:
+    def geometry(self, aggregate: int, snapshot: int = -1) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
         """Positions (P, 3) [m] and bonds (n_b, 2) of one aggregate of a snapshot."""
         positions, sizes, bonds, counts = self._ragged(snapshot)
         first, first_bond = int(sizes[:aggregate].sum()), int(counts[:aggregate].sum())
@@ -186,7 +189,7 @@ class RunDataset:
         """Every aggregate of a snapshot, with the history of its contacts where these have one."""
         positions, sizes, bonds, counts = self._ragged(snapshot)
         ends, links = np.cumsum(sizes), np.cumsum(counts)
-        springs: Sequence[NDArray | None] = [None] * len(sizes)
+        springs: Sequence[NDArray[np.float64] | None] = [None] * len(sizes)
         if "spring" in self._snapshots:
             before = int(self._snapshots["number_of_bonds"].values[: self._first(snapshot)].sum())
             histories = self._snapshots["spring"].values[before : before + counts.sum()]

@@ -14,6 +14,8 @@ from mcdem.commands import LARGEST_SEED, MOST_SAMPLED, SampledRuns, SceneFile, f
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rich.table import Table
+
     from mcdem.analysis.accuracy_cost import Price
 
 
@@ -153,7 +155,7 @@ def cost(
         end_early(cut_off, f"{figure} and {table}", len(prices), len(settings))
 
 
-def told(prices: Sequence[Price], count: int):
+def told(prices: Sequence[Price], count: int) -> Table:
     """The prices as a table for the terminal."""
     from rich.table import Table
 

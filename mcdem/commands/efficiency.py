@@ -13,6 +13,8 @@ from mcdem.quantities.units import shown
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from rich.table import Table
+
     from mcdem.encounter.capture_efficiency import PairEfficiency
     from mcdem.scene import Scene
 
@@ -96,7 +98,7 @@ def told(scene: Scene, found: PairEfficiency, offset: float) -> list[str]:
     return lines
 
 
-def against_steps(scene: Scene, progress: Callable[[str, float], None]):
+def against_steps(scene: Scene, progress: Callable[[str, float], None]) -> Table:
     """eta_11 and y_c(0) for several steps."""
     from rich.table import Table
 
@@ -124,7 +126,7 @@ def against_steps(scene: Scene, progress: Callable[[str, float], None]):
     return table
 
 
-def against_cutoff(scene: Scene, cutoffs: list[float], progress: Callable[[str, float], None]):
+def against_cutoff(scene: Scene, cutoffs: list[float], progress: Callable[[str, float], None]) -> Table:
     """eta_11 for several cut-offs and both conventions of what lies below them."""
     from rich.table import Table
 

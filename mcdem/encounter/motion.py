@@ -237,7 +237,14 @@ def analysed(part: Motion, physics: Physics) -> tuple[RigidBody | None, NDArray[
     return (body if code == RIGID else None), centre
 
 
-def place(part: Motion, body: RigidBody, turn, centre, gradient, springs) -> None:
+def place(
+    part: Motion,
+    body: RigidBody,
+    turn: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+    springs: NDArray[np.float64] | None,
+) -> None:
     """Put the primaries of a rigid body where it is, and its `springs`, as analysed, with them.
 
     Velocities are those of the flow, for a start.

@@ -32,6 +32,7 @@ from mcdem.quantities.units import shown
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mcdem.quantities.reduced_units import ReducedUnits
     from mcdem.scene import Scene
 
 OUTCOMES = ("missed", "aggregation", "parted", "exchange", "fragmentation", "unresolved")
@@ -340,7 +341,7 @@ def classify(members: tuple[NDArray[np.intp], ...], size_i: int, contact: bool) 
     return "parted" if contact else "missed"
 
 
-def _keep(record: Recorder, frames: Frames, units, parent: NDArray[np.int64]) -> None:
+def _keep(record: Recorder, frames: Frames, units: ReducedUnits, parent: NDArray[np.int64]) -> None:
     count = int(frames.written.min())
     record.time = frames.time[:count] * units.time
     record.positions = frames.positions[:count] * units.length

@@ -129,7 +129,9 @@ class Trajectory:
     def to_xarray(self) -> xr.Dataset:
         """SI arrays over ``frame``, ``primary``, ``axis``."""
 
-        def quantity(dims: tuple[str, ...], values: Any, units: str, long_name: str) -> tuple:
+        def quantity(
+            dims: tuple[str, ...], values: Any, units: str, long_name: str
+        ) -> tuple[tuple[str, ...], Any, dict[str, str]]:
             return dims, values, {"units": units, "long_name": long_name}
 
         return xr.Dataset(

@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 
 from mcdem.encounter.trajectory import Trajectory
@@ -96,7 +97,7 @@ def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
         figure.text(
             0.585, 0.62 * strip / height, r"bond tension / $F_{adh}$", fontsize=0.85 * size, ha="right"
         )
-        pictures: list = []
+        pictures: list[AxesImage] = []
         for k, half in enumerate(half_widths(t)):
             camera = Camera(t.positions[k].mean(axis=0), half, **SHEAR_PLANE)
             solid = (

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from mcdem.analysis import paper
@@ -58,7 +59,7 @@ def history(runs: Sequence[RunDataset], name: str, scale: float = 1.0) -> xr.Dat
     )
 
 
-def _lines(axes, numbers: xr.Dataset, name: str) -> None:
+def _lines(axes: Axes, numbers: xr.Dataset, name: str) -> None:
     stresses = np.unique(numbers["stress"].values).tolist()
     for k in range(numbers.sizes["run"]):
         one = numbers.isel(run=k)
@@ -126,7 +127,7 @@ def mean_size(runs: Sequence[RunDataset]) -> Figure:
     )
 
 
-def draw_initial_trend(axes, numbers: xr.Dataset, label: str) -> None:
+def draw_initial_trend(axes: Axes, numbers: xr.Dataset, label: str) -> None:
     """The start of <P>(t), Eq. 22's line, and the scatter that chance alone gives it."""
     t, slope = numbers["initial_time"].values, float(numbers["computed_slope"])
     axes.plot(t, numbers["initial_mean_size"], color=BLACK, lw=0.8, label=label)

@@ -81,7 +81,9 @@ class Canvas:
         columns = slice(max(int(left), 0), max(min(int(right) + 2, self.width), 0))
         return rows, columns
 
-    def _sphere(self, x: float, y: float, z: float, r: float, colour: NDArray, outline: float) -> None:
+    def _sphere(
+        self, x: float, y: float, z: float, r: float, colour: NDArray[np.float64], outline: float
+    ) -> None:
         window = self._window(x - r, x + r, y - r, y + r)
         u = (np.arange(window[1].start, window[1].stop) + 0.5 - x) / r
         v = -(np.arange(window[0].start, window[0].stop)[:, None] + 0.5 - y) / r
@@ -89,7 +91,9 @@ class Canvas:
         w = np.sqrt(np.clip(inside, 0.0, None))
         self._shade(window, inside > 0, z + r * w, u, v, w, colour, outline)
 
-    def _rod(self, a: NDArray, b: NDArray, r: float, colour: NDArray) -> None:
+    def _rod(
+        self, a: NDArray[np.float64], b: NDArray[np.float64], r: float, colour: NDArray[np.float64]
+    ) -> None:
         x = self.width / 2 + np.array([a[0], b[0]])
         y = self.height / 2 - np.array([a[1], b[1]])
         window = self._window(x.min() - r, x.max() + r, y.min() - r, y.max() + r)
@@ -105,12 +109,12 @@ class Canvas:
     def _shade(
         self,
         window: tuple[slice, slice],
-        inside: NDArray,
-        depth: NDArray,
-        u: NDArray,
-        v: NDArray,
-        w: NDArray,
-        colour: NDArray,
+        inside: NDArray[np.bool_],
+        depth: NDArray[np.float64],
+        u: NDArray[np.float64],
+        v: NDArray[np.float64],
+        w: NDArray[np.float64],
+        colour: NDArray[np.float64],
         outline: float,
     ) -> None:
         """Colour the pixels of a window where a surface of unit normal (u, v, w) is nearer than what is there."""
@@ -132,7 +136,7 @@ class Canvas:
         return np.asarray(sum(shifts) / by**2)
 
 
-def principal_view(positions: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
+def principal_view(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(right, up) that show an aggregate broadside: its longest axis to the right, its second one up."""
     centred = positions - positions.mean(axis=0)
     _, axes = np.linalg.eigh(centred.T @ centred)

@@ -122,7 +122,7 @@ def population_page(run: RunDataset, snapshot: int = -1) -> str:
     shelf = 1.5 * float(np.sqrt(((cell + 1.0) ** 2).sum()))
     centres: list[NDArray[np.float64]] = []
     colours, bonds = [], []
-    palette = [np.array(to_rgb(c)) for c in mpl.colormaps["tab20"].colors]  # type: ignore[attr-defined]
+    palette = [np.array(to_rgb(c)) for c in mpl.colormaps["tab20"].colors]  # type: ignore[attr-defined]  # a list
     x = y = row_height = 0.0
     for n, k in enumerate(order):
         if x + cell[n] > shelf and x > 0:

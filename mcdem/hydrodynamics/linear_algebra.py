@@ -8,6 +8,8 @@ leading part of a larger work array: only the row stride is used.
 
 from __future__ import annotations
 
+from typing import Any
+
 import llvmlite.binding as llvm
 from llvmlite import ir
 from numba import njit, types
@@ -17,7 +19,7 @@ from numba.extending import get_cython_function_address, intrinsic
 _BY_REFERENCE = {"c": ir.IntType(8), "i": ir.IntType(32), "d": ir.DoubleType(), "o": ir.IntType(32)}
 
 
-def _bind(module: str, name: str, kinds: str):
+def _bind(module: str, name: str, kinds: str) -> Any:
     """A compiled call of one Fortran routine, with its arguments given as one tuple of values.
 
     `kinds` has a letter an argument: c a character, i an integer, d a double, p an address, o the integer

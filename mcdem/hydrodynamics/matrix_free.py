@@ -12,7 +12,7 @@ residual, which takes all pairs.  GMRES is preconditioned by the near part of R 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sparse
@@ -24,6 +24,7 @@ from scipy.spatial import cKDTree
 from mcdem.hydrodynamics.grand_mobility import five_to_tensor
 from mcdem.hydrodynamics.mobility_product import ANY_ORDER, sphere_rates
 from mcdem.hydrodynamics.two_sphere import lubrication
+from mcdem.hydrodynamics.undisturbed_flow import UndisturbedFlow
 
 RANGE = 8.0
 """Centre distance in radii up to which the two-body part is kept as a sparse matrix."""
@@ -54,7 +55,13 @@ def apply_mobility(places, radii, moments, rates):
         sphere_rates(i, places, radii, moments, rates)
 
 
-def mobility_product(places, radii, stresslets, torques, forces):
+def mobility_product(
+    places: NDArray[np.float64],
+    radii: NDArray[np.float64],
+    stresslets: NDArray[np.float64],
+    torques: NDArray[np.float64],
+    forces: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """(strains (N, 5), angular (N, 3), linear (N, 3)) that stresslets (N, 5), torques and forces (N, 3) cause.
 
     places : (3, N) positions, in the order of rows
@@ -183,7 +190,13 @@ def pair_stresslets(positions, radii, rates, table, cutoff, shifted, strain_five
 class TwoBody:
     """The two-body resistance R (6N, 6N, ordered omega | u) and the strain-induced load; no R where there is no lubrication."""
 
-    def __init__(self, positions, radii, strain, level) -> None:
+    def __init__(
+        self,
+        positions: NDArray[np.float64],
+        radii: NDArray[np.float64],
+        strain: NDArray[np.float64],
+        level: Any,
+    ) -> None:
         n = len(radii)
         self.positions, self.radii, self.level = positions, radii, level
         self.strain_load = np.zeros(6 * n)
@@ -218,7 +231,9 @@ class TwoBody:
         return load
 
 
-def _assembled(n: int, pairs, blocks, own) -> sparse.csr_array:
+def _assembled(
+    n: int, pairs: NDArray[np.int64], blocks: NDArray[np.float64], own: NDArray[np.float64]
+) -> sparse.csr_array:
     """The sparse matrix of blocks (B, 6, 6) of pairs and (N, 6, 6) on the diagonal, ordered (omega | u)."""
     first, second = pairs[:, 0], pairs[:, 1]
     data = np.concatenate([own, blocks, blocks.transpose(0, 2, 1)])
@@ -232,12 +247,12 @@ def _assembled(n: int, pairs, blocks, own) -> sparse.csr_array:
 
 
 def solve_velocities(
-    level,
-    positions,
-    radii,
-    flow,
-    forces,
-    torques,
+    level: Any,
+    positions: NDArray[np.float64],
+    radii: NDArray[np.float64],
+    flow: UndisturbedFlow,
+    forces: NDArray[np.float64],
+    torques: NDArray[np.float64],
     tolerance: float = TOLERANCE,
 ) -> Solution:
     """Velocities of free spheres under given forces and torques; reduced units, arguments as `velocities.solve_velocities`.
@@ -258,7 +273,9 @@ def solve_velocities(
 
     places = np.ascontiguousarray(positions.T)
 
-    def rates_of(stresslets, loads):
+    def rates_of(
+        stresslets: NDArray[np.float64], loads: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         strains, angular, linear = mobility_product(
             places,
             radii,
@@ -268,11 +285,11 @@ def solve_velocities(
         )
         return strains.ravel(), np.concatenate([angular.ravel(), linear.ravel()])
 
-    def residual_of(x, load):
+    def residual_of(x: NDArray[np.float64], load: NDArray[np.float64]) -> NDArray[np.float64]:
         strains, rates = rates_of(x[: 5 * n], load)
         return np.concatenate([strains, rates - x[5 * n :]])
 
-    def precondition(y):
+    def precondition(y: NDArray[np.float64]) -> NDArray[np.float64]:
         s = y[: 5 * n] / tensor_scale
         return np.concatenate([s, -factor.solve(y[5 * n :] / single)])
 

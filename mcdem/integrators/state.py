@@ -5,7 +5,7 @@ Kernels return codes; `mcdem.encounter.simulate` turns them into words.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -47,9 +47,9 @@ class Physics(NamedTuple):
     """What acts on the primaries; what a scene does not call for is not there."""
 
     level: object  # parameters of the level of hydrodynamics (`hydrodynamics.level`)
-    pair_forces: tuple  # parameters of each force between spheres not in contact (`effects.sums`)
+    pair_forces: tuple[Any, ...]  # parameters of each force between spheres not in contact (`effects.sums`)
     contact: object  # those of the contact law, or None
-    resistances: tuple  # those of each resistance of contacts
+    resistances: tuple[Any, ...]  # those of each resistance of contacts
 
 
 class Log(NamedTuple):

@@ -15,7 +15,7 @@ from numba import njit
 from mcdem.integrators.bodies import label_bodies
 from mcdem.integrators.parting import label_groups
 from mcdem.integrators.scheme import advance
-from mcdem.integrators.state import DONE, PARTED, PAUSED, SETTLED, TOO_MANY_STEPS
+from mcdem.integrators.state import DONE, PARTED, PAUSED, SETTLED, TOO_MANY_STEPS, Log
 
 # Strain between two looks at which bodies there are and whether they part.
 LOOK_EVERY = 0.5
@@ -29,7 +29,7 @@ class Watch(NamedTuple):
     quiet_since: np.ndarray  # when the contacts of this group last changed
 
 
-def new_watch(log, quiet_since) -> Watch:
+def new_watch(log: Log, quiet_since: float) -> Watch:
     """Watch over a group whose contacts last changed at `quiet_since`."""
     return Watch(log.time.copy(), log.last_bond_change.copy(), np.array([quiet_since]))
 

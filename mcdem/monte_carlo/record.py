@@ -640,7 +640,7 @@ def _shapes(
     return aspect_ratio(axes), np.sqrt(moments.sum(axis=1))
 
 
-def _column(stored: netCDF4.Variable) -> NDArray[Any]:
+def _column(stored: netCDF4.Variable[Any]) -> NDArray[Any]:
     values = stored[:]
     return netCDF4.chartostring(values, "none") if values.dtype == "S1" else values
 

@@ -25,6 +25,8 @@ from mcdem.monte_carlo.executors import result_of, submit
 from mcdem.monte_carlo.population import surviving, unless_same
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mcdem.aggregates.aggregate import Aggregate
     from mcdem.encounter.simulate import EncounterResult
     from mcdem.monte_carlo.event_selection import EventSelection, Meetings
@@ -41,7 +43,9 @@ aggregates are there afterwards, as known."""
 
 
 @njit(cache=True)
-def ready(first, second, status, places):
+def ready(
+    first: NDArray[np.int64], second: NDArray[np.int64], status: NDArray[np.int8], places: int
+) -> NDArray[np.bool_]:
     """(n,) whether each encounter is not begun and both its aggregates are known.
 
     first, second : (n,) places, all below `places`; status : (n,) UNTOUCHED, BEGUN or PASSED

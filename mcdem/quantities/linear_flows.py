@@ -44,6 +44,8 @@ from mcdem.quantities.toml_tables import FROM_THE_OTHERS, Table, quantity_at
 from mcdem.quantities.units import DIMENSIONLESS, RATE, STRESS, VISCOSITY
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
 LONGEST = 1e4
@@ -316,7 +318,7 @@ def upstream(
     return size * position(-started), float(started + nearest)
 
 
-def _bracket(function) -> float:
+def _bracket(function: Callable[[float], float]) -> float:
     """A strain at which a function that begins below 0 is above."""
     strain = 1.0
     while function(strain) < 0.0 and strain < LONGEST:

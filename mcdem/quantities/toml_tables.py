@@ -29,7 +29,7 @@ FROM_THE_OTHERS = math.nan
 """Marks the key of a table that follows from the other keys, until they are read."""
 
 
-class _OneLine(type(BaseModel)):  # type: ignore[misc]
+class _OneLine(type(BaseModel)):  # type: ignore[misc]  # pydantic's metaclass has no public name
     """Makes tables in Python answer a mistake as a file does: `SceneError`, a line a problem.
 
     Here and not in `__init__`, which pydantic would then call for every table within a table.

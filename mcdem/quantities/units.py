@@ -172,7 +172,7 @@ def si(name: str, given: object, quantity: Quantity, shape: tuple[int | None, ..
     try:
         if hasattr(given, "m_as") and hasattr(given, "is_compatible_with"):
             if not given.is_compatible_with(unit):
-                raise UserError(f"{name}: has the wrong dimension ({given.units:~C}); {expected}")  # type: ignore[attr-defined]
+                raise UserError(f"{name}: has the wrong dimension ({given.units:~C}); {expected}")  # type: ignore[attr-defined]  # of pint, whichever registry
             values = np.array(_magnitude_in(given, unit), dtype=float)
         else:
             raw = np.asarray(given)

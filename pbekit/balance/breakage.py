@@ -12,11 +12,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import special
 
 from pbekit import arguments
 from pbekit.arguments import shown
-from pbekit.balance.grid import Cells
+from pbekit.balance.grid import Cells, Cumulative
 from pbekit.errors import KernelError, RangeWarning
 
 # -- rates ------------------------------------------------------------------------------------------------------------
@@ -36,14 +37,14 @@ class PowerLawRate:
     power: float = 1.0
     offset: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         arguments.law(self, finite=("rate", "power", "offset"))
         if not 0 <= self.power <= 3:
             warnings.warn(
                 f"PowerLawRate: power = {self.power:g} is outside 0 ... 3", RangeWarning, stacklevel=3
             )
 
-    def __call__(self, cells: Cells):
+    def __call__(self, cells: Cells) -> np.ndarray:
         return self.rate * np.maximum(cells.mass - self.offset, 0.0) ** self.power
 
 
@@ -61,14 +62,14 @@ class ExponentialRate:
     strength: float  # of a parent of unit mass [Pa]
     power: float = 0.5  # strength(P) = strength P^-power
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         arguments.law(self, positive=("shear_rate", "stress", "strength"), finite=("power",))
         if not 1 / 3 <= self.power <= 2:
             warnings.warn(
                 f"ExponentialRate: power = {self.power:g} is outside 1/3 ... 2", RangeWarning, stacklevel=3
             )
 
-    def __call__(self, cells: Cells):
+    def __call__(self, cells: Cells) -> np.ndarray:
         resistance = self.strength * cells.mass**-self.power
         return np.sqrt(4 / (15 * np.pi)) * self.shear_rate * np.exp(-resistance / self.stress)
 
@@ -90,7 +91,7 @@ class CriticalSize:
     sharpness: float = 8.0
     shear_rate: float = 1.0  # g [1/s], for the first-order rate
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         arguments.law(
             self,
             positive=("stress", "reference_stress", "reference_size", "sharpness", "shear_rate"),
@@ -103,18 +104,18 @@ class CriticalSize:
     def critical_size(self) -> float:
         return self.reference_size * (self.stress / self.reference_stress) ** -self.q
 
-    def probability(self, mass):
+    def probability(self, mass: ArrayLike) -> np.ndarray:
         return special.expit(self.sharpness * np.log(np.asarray(mass, float) / self.critical_size))
 
-    def __call__(self, cells: Cells):
+    def __call__(self, cells: Cells) -> np.ndarray:
         return self.shear_rate * np.where(cells.mass > 1, self.probability(cells.mass), 0.0)
 
-    def of_pair(self, i: Cells, j: Cells):
+    def of_pair(self, i: Cells, j: Cells) -> np.ndarray:
         """Probability that an encounter of i and j ends in breakup."""
         return self.probability(i.mass + j.mass)
 
 
-def evaluate_rate(rate, cells: Cells, name: str | None = None) -> np.ndarray:
+def evaluate_rate(rate: object, cells: Cells, name: str | None = None) -> np.ndarray:
     """(K,) breakage rate; a callable of cells, a plain function of mass, or an array. Refused if negative or NaN."""
     name = name or getattr(rate, "__name__", type(rate).__name__)
     if callable(rate):
@@ -141,23 +142,23 @@ def evaluate_rate(rate, cells: Cells, name: str | None = None) -> np.ndarray:
 class Daughters:
     """Mass-weighted density over x in (0, 1); `scale_free` ones depend on x alone."""
 
-    def mass_below(self, x):
+    def mass_below(self, x: np.ndarray) -> np.ndarray:
         """Share of the parent's mass in fragments below x; 0 at 0 and 1 at 1."""
         raise NotImplementedError
 
-    def number_below(self, x):
+    def number_below(self, x: np.ndarray) -> np.ndarray:
         """Number of fragments below x."""
         raise NotImplementedError
 
-    def mass_density(self, x):
+    def mass_density(self, x: np.ndarray) -> np.ndarray:
         """d(mass_below)/dx, for whole primaries; need not be normalised."""
         raise NotImplementedError
 
     @property
-    def name(self):
+    def name(self) -> str:
         return type(self).__name__
 
-    def pieces(self, parent: float):
+    def pieces(self, parent: float) -> tuple[np.ndarray, np.ndarray]:
         """Whole primaries: (sizes, expected numbers) of the fragments of a parent of P primaries."""
         sizes = np.arange(1.0, np.ceil(parent - 1e-9))
         if sizes.size == 0:
@@ -169,7 +170,7 @@ class Daughters:
             )
         return sizes, parent * weight / weight.sum() / sizes
 
-    def cumulative(self, parent: float):
+    def cumulative(self, parent: float) -> tuple[Cumulative, Cumulative]:
         """Volumes: (number below v, mass below v) of the fragments of a parent of volume `parent`."""
         return (
             lambda v: self.number_below(np.clip(np.asarray(v, float) / parent, 0.0, 1.0)),
@@ -181,13 +182,13 @@ class Daughters:
 class Uniform(Daughters):
     """Two fragments, any split equally likely: b(u|v) = 2/v (random scission, Ziff & McGrady 1985)."""
 
-    def mass_below(self, x):
+    def mass_below(self, x: np.ndarray) -> np.ndarray:
         return x**2
 
-    def number_below(self, x):
+    def number_below(self, x: np.ndarray) -> np.ndarray:
         return 2 * x
 
-    def mass_density(self, x):
+    def mass_density(self, x: np.ndarray) -> np.ndarray:
         return 2 * x
 
 
@@ -200,17 +201,17 @@ class BetaSplit(Daughters):
 
     concentration: float = 1.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         arguments.law(self, positive=("concentration",))
 
-    def mass_below(self, x):
+    def mass_below(self, x: np.ndarray) -> np.ndarray:
         # x f(x) with f the beta(c, c) density, doubled, is the beta(c + 1, c) density.
         return special.betainc(self.concentration + 1, self.concentration, x)
 
-    def number_below(self, x):
+    def number_below(self, x: np.ndarray) -> np.ndarray:
         return 2 * special.betainc(self.concentration, self.concentration, x)
 
-    def mass_density(self, x):
+    def mass_density(self, x: np.ndarray) -> np.ndarray:
         return x * (x * (1 - x)) ** (self.concentration - 1)
 
 
@@ -229,7 +230,7 @@ class TwoPeak(Daughters):
     fraction: float = 0.3
     concentration: float = 40.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         arguments.law(self, positive=("concentration",), finite=("fraction",))
         if not 0 < self.fraction <= 0.5:
             raise KernelError(
@@ -237,19 +238,19 @@ class TwoPeak(Daughters):
             )
 
     @property
-    def _shape(self):
+    def _shape(self) -> tuple[float, float]:
         return self.fraction * self.concentration, (1 - self.fraction) * self.concentration
 
-    def mass_below(self, x):
+    def mass_below(self, x: np.ndarray) -> np.ndarray:
         a, b = self._shape
         light = self.fraction * special.betainc(a + 1, b, x)
         return light + (1 - self.fraction) * special.betainc(b + 1, a, x)
 
-    def number_below(self, x):
+    def number_below(self, x: np.ndarray) -> np.ndarray:
         a, b = self._shape
         return special.betainc(a, b, x) + special.betainc(b, a, x)
 
-    def mass_density(self, x):
+    def mass_density(self, x: np.ndarray) -> np.ndarray:
         a, b = self._shape
         scale = special.betaln(a, b)
         log_x, log_y = np.log(x), np.log1p(-x)
@@ -274,18 +275,18 @@ class SchulzZimm(Daughters):
     mean: float = 0.2
     shape: float = 2.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         arguments.law(self, positive=("mean", "shape"))
 
-    def mass_below(self, x):
+    def mass_below(self, x: np.ndarray) -> np.ndarray:
         rate = self.shape / self.mean
         return special.gammainc(self.shape + 1, rate * x) / special.gammainc(self.shape + 1, rate)
 
-    def number_below(self, x):
+    def number_below(self, x: np.ndarray) -> np.ndarray:
         rate = self.shape / self.mean
         return special.gammainc(self.shape, rate * x) / (self.mean * special.gammainc(self.shape + 1, rate))
 
-    def mass_density(self, x):
+    def mass_density(self, x: np.ndarray) -> np.ndarray:
         return x**self.shape * np.exp(-self.shape * x / self.mean)
 
 
@@ -293,13 +294,13 @@ class SchulzZimm(Daughters):
 class FromPieces(Daughters):
     """A user's own: a function of the parent's mass that returns (masses, expected numbers) of its fragments."""
 
-    function: Callable
+    function: Callable[[float], tuple[ArrayLike, ArrayLike]]
 
     @property
-    def name(self):
+    def name(self) -> str:
         return getattr(self.function, "__name__", "function")
 
-    def pieces(self, parent):
+    def pieces(self, parent: float) -> tuple[np.ndarray, np.ndarray]:
         try:
             mass, number = (np.atleast_1d(np.asarray(v, float)) for v in self.function(parent))
         except (TypeError, ValueError):
@@ -319,7 +320,7 @@ class FromPieces(Daughters):
         return mass, number * (parent / total)
 
 
-def as_daughters(daughters) -> Daughters:
+def as_daughters(daughters: object) -> Daughters:
     """What a user brings, as Daughters."""
     if isinstance(daughters, Daughters):
         return daughters

@@ -10,6 +10,7 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from pbekit import arguments
@@ -18,7 +19,7 @@ from pbekit.balance.kernels import Kernel
 from pbekit.errors import KernelError, RangeWarning
 
 
-def _warn(message):
+def _warn(message: str) -> None:
     warnings.warn(message, RangeWarning, stacklevel=4)
 
 
@@ -39,7 +40,7 @@ class VanDeVenMason(Kernel):
     attraction: float  # C_A [-]
     prefactor: float = 0.95
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         arguments.law(self, positive=("attraction", "prefactor"))
         if not 1e-4 <= self.attraction <= 1e-1:
             _warn(
@@ -50,7 +51,7 @@ class VanDeVenMason(Kernel):
     def value(self) -> float:
         return min(1.0, self.prefactor * self.attraction**0.18)
 
-    def __call__(self, i: Cells, j: Cells):
+    def __call__(self, i: Cells, j: Cells) -> np.ndarray:
         return np.full(np.broadcast_shapes(i.mass.shape, j.mass.shape), self.value)
 
 
@@ -86,7 +87,7 @@ class ZeichnerSchowalter(Kernel):
 
     attraction: float  # A_H/(36 pi mu e a^3) [-]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         arguments.law(self, positive=("attraction",))
         if not EXTENSION[0, 0] <= self.attraction <= EXTENSION[-1, 0]:
             _warn(
@@ -98,7 +99,7 @@ class ZeichnerSchowalter(Kernel):
         known = CubicSpline(*np.log(EXTENSION.T))
         return float(np.exp(known(np.log(np.clip(self.attraction, *EXTENSION[[0, -1], 0])))))
 
-    def __call__(self, i: Cells, j: Cells):
+    def __call__(self, i: Cells, j: Cells) -> np.ndarray:
         return np.full(np.broadcast_shapes(i.mass.shape, j.mass.shape), self.value)
 
 
@@ -115,26 +116,26 @@ class Kusters(Kernel):
     x: float = 0.1
     y: float = 0.1
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         arguments.law(self, finite=("largest", "x", "y"))
         if not (0 < self.largest <= 1):
             raise KernelError(f"Kusters: eta_max must be in (0, 1], got {self.largest:g}")
         if not (0 <= self.x <= 1.1 and 0 <= self.y <= 1.1):
             _warn(f"Kusters: x = {self.x:g}, y = {self.y:g}; fits in the literature lie in 0 ... 1.1")
 
-    def __call__(self, i, j):
+    def __call__(self, i: Cells, j: Cells) -> np.ndarray:
         ratio = np.minimum(i.mass, j.mass) / np.maximum(i.mass, j.mass)
         return self.largest * np.exp(-self.x * (1 - ratio) ** 2) / (i.mass * j.mass) ** self.y
 
 
-def happel_permeability(solid_fraction, radius: float):
+def happel_permeability(solid_fraction: ArrayLike, radius: float) -> np.ndarray:
     """kappa [m^2] of a swarm of spheres of this radius (Happel 1958)."""
     s = np.asarray(solid_fraction, float)
     cell = 3 - 4.5 * s ** (1 / 3) + 4.5 * s ** (5 / 3) - 3 * s**2
     return 2 * radius**2 / (9 * s) * cell / (3 + 2 * s ** (5 / 3))
 
 
-def fluid_collection(permeability_ratio):
+def fluid_collection(permeability_ratio: ArrayLike) -> np.ndarray:
     """Share of the approaching flow that passes through a porous sphere, xi = R/sqrt(kappa) (Adler 1981).
 
     1 for a fully permeable sphere, 0 for a solid one.
@@ -160,10 +161,10 @@ class VeerapaneniWiesner(Kernel):
 
     radius: float  # a [m]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         arguments.law(self, positive=("radius",))
 
-    def __call__(self, i, j):
+    def __call__(self, i: Cells, j: Cells) -> np.ndarray:
         if np.any(np.isnan(i.outer_radius)):
             raise KernelError(
                 "VeerapaneniWiesner: the grid has no outer radii; use grid.with_outer_radius(...)"
@@ -171,7 +172,7 @@ class VeerapaneniWiesner(Kernel):
         reach = sum(np.sqrt(self._collection(c)) * c.outer_radius for c in (i, j))
         return (reach / (i.outer_radius + j.outer_radius)) ** 3
 
-    def _collection(self, cells):
+    def _collection(self, cells: Cells) -> np.ndarray:
         solid = cells.mass * (self.radius / cells.outer_radius) ** 3
         if np.any(solid > 1 + 1e-9):
             raise KernelError(

@@ -7,8 +7,9 @@ exactly the mass of its parents; that is checked here, once, for every event who
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 
@@ -99,7 +100,7 @@ MASS_TOLERANCE = 1e-12
 class _Rows:
     """Product rows, gathered in compressed form."""
 
-    def __init__(self, grid, averaged: bool, closed: bool):
+    def __init__(self, grid: Grid | TwoComponentGrid, averaged: bool, closed: bool) -> None:
         self.grid, self.averaged, self.closed = grid, averaged, closed
         self.slot: list[np.ndarray] = []
         self.number: list[np.ndarray] = []
@@ -110,13 +111,15 @@ class _Rows:
     def count(self) -> int:
         return sum(len(part) for part in self.length)
 
-    def add_dense(self, number, carried, offset, parents, name):
+    def add_dense(
+        self, number: np.ndarray, carried: np.ndarray, offset: int, parents: np.ndarray, name: str
+    ) -> None:
         """One row from a vector over the slots."""
         keep = np.flatnonzero((number != 0) | (carried != 0))
         self.check(keep[None], number[keep][None], carried[keep][None], np.atleast_2d(parents), name)
         self.add_block(keep[None] + offset, number[keep][None], carried[keep][None])
 
-    def add_pairs(self, given: PairRows, parents, offset):
+    def add_pairs(self, given: PairRows, parents: np.ndarray, offset: int) -> None:
         """All rows at once."""
         grid, number = self.grid, arguments.array(f"products of {given.name}", given.number, None)
         if not isinstance(grid, Grid) or number.shape != (len(parents), grid.sizes + 2):
@@ -139,21 +142,23 @@ class _Rows:
         self.carried.append(np.append(grid.pivots, [0.0, 0.0])[slot] * number[row, slot])
         self.length.append(np.bincount(row, minlength=len(parents)))
 
-    def add_block(self, slot, number, carried):
+    def add_block(self, slot: np.ndarray, number: np.ndarray, carried: np.ndarray) -> None:
         """Rows of equal length (rows, entries)."""
         self.slot.append(slot.ravel())
         self.number.append(number.ravel())
         self.carried.append(carried.ravel())
         self.length.append(np.full(slot.shape[0], slot.shape[1]))
 
-    def corners(self, products, offset, parents, name):
+    def corners(self, products: np.ndarray, offset: int, parents: np.ndarray, name: str) -> None:
         """Rows of one product each; products (n, M) masses, parents (n, M) the masses they must carry."""
         slot, number, carried = self.grid.corners(products, self.averaged, self.closed)
         carried = np.zeros_like(number) if carried is None else carried
         self.check(slot, number, carried, parents, name)
         self.add_block(slot + offset, number, carried)
 
-    def check(self, slot, number, carried, parents, name):
+    def check(
+        self, slot: np.ndarray, number: np.ndarray, carried: np.ndarray, parents: np.ndarray, name: str
+    ) -> None:
         """Refuse rows that do not carry the parents' mass."""
         grid = self.grid
         if isinstance(grid, TwoComponentGrid):
@@ -183,7 +188,9 @@ class _Rows:
         return compiled.Products(row, run, slot[run[:-1]], number, mass)
 
 
-def _place_fragments(grid, daughters: Daughters, parent: float, averaged: bool, closed: bool):
+def _place_fragments(
+    grid: Grid | TwoComponentGrid, daughters: Daughters, parent: float, averaged: bool, closed: bool
+) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(grid, TwoComponentGrid):
         raise PBEError(
             "two-component grids take daughters as a function that returns (masses (n, 2), numbers)"
@@ -207,12 +214,12 @@ class Assembled:
 class _Variants:
     """The kinds of shape rows in use; equal rows are kept once."""
 
-    def __init__(self, grid):
+    def __init__(self, grid: Grid | TwoComponentGrid) -> None:
         self.grid = grid
         self.shares: list[np.ndarray] = []
         self.width = grid.sizes + 1 + grid.masses.shape[1]
 
-    def offset(self, share) -> int:
+    def offset(self, share: np.ndarray | None) -> int:
         """First slot of the variant with these shares."""
         share = self.grid.same_shape_share(share)
         for v, known in enumerate(self.shares):
@@ -222,7 +229,9 @@ class _Variants:
         return (len(self.shares) - 1) * self.width
 
 
-def assemble(grid: Grid | TwoComponentGrid, events: list, averaged: bool, closed: bool) -> Assembled:
+def assemble(
+    grid: Grid | TwoComponentGrid, events: Sequence[Event], averaged: bool, closed: bool
+) -> Assembled:
     """Events on a grid as arrays for the compiled balance.
 
     closed : products beyond the last pivot are put on it with their mass, not their number; nothing leaves the grid
@@ -272,11 +281,13 @@ def assemble(grid: Grid | TwoComponentGrid, events: list, averaged: bool, closed
     return Assembled(geometry, encounters, first_order, restructuring)
 
 
-def _groups(grid, events) -> np.ndarray:
+def _groups(grid: Grid | TwoComponentGrid, events: Sequence[Event]) -> np.ndarray:
     """(K,) shape group of each cell that products remember: 0 none, 1 + g."""
-    memories = [e.shape for e in events if isinstance(getattr(e, "shape", None), ShapeMemory)]
+    memories = [shape for e in events if isinstance(shape := getattr(e, "shape", None), ShapeMemory)]
     if not memories:
         return np.zeros(grid.cells, int)
+    if isinstance(grid, TwoComponentGrid):
+        raise PBEError("a two-component grid has no shapes")
     of_shape = np.asarray(memories[0].group_of_shape, int)
     if any(not np.array_equal(m.group_of_shape, of_shape) for m in memories):
         raise PBEError("events: every ShapeMemory must use the same groups of shapes")
@@ -287,7 +298,15 @@ def _groups(grid, events) -> np.ndarray:
     return np.where(grid.shape_of_cell < 0, 0, 1 + of_shape[grid.shape_of_cell])
 
 
-def _encounters(grid, events, class_start, group, variants, averaged, closed) -> compiled.Encounters:
+def _encounters(
+    grid: Grid | TwoComponentGrid,
+    events: Sequence[Aggregation | CollisionalBreakup],
+    class_start: np.ndarray,
+    group: np.ndarray,
+    variants: _Variants,
+    averaged: bool,
+    closed: bool,
+) -> compiled.Encounters:
     first_cell = class_start[:-1]
     class_size, class_group = grid.size_of_cell[first_cell], group[first_cell]
     cb, ca = np.tril_indices(len(first_cell))  # row-major lower triangle: pair index b (b + 1) / 2 + a
@@ -306,8 +325,9 @@ def _encounters(grid, events, class_start, group, variants, averaged, closed) ->
         weight = evaluate(kernel, grid.state)
         weights.append(weight)
         start = rows.count
-        memory = event.shape if isinstance(event.shape, ShapeMemory) else None
-        shares = [event.shape] if memory is None else list(memory.shares)
+        shape = event.shape
+        memory = shape if isinstance(shape, ShapeMemory) else None
+        shares: list[np.ndarray | None] = list(shape.shares) if isinstance(shape, ShapeMemory) else [shape]
         for share in shares:
             offset = variants.offset(share)
             if isinstance(event, Aggregation):
@@ -319,19 +339,28 @@ def _encounters(grid, events, class_start, group, variants, averaged, closed) ->
     return compiled.Encounters(np.ascontiguousarray(weights), np.array(row_of_pair, np.int64), rows.finish())
 
 
-def _collisional_rows(grid, event, rows, size_mass, low_size, high_size, weight, offset):
+def _collisional_rows(
+    grid: Grid | TwoComponentGrid,
+    event: CollisionalBreakup,
+    rows: _Rows,
+    size_mass: np.ndarray,
+    low_size: np.ndarray,
+    high_size: np.ndarray,
+    weight: np.ndarray,
+    offset: int,
+) -> None:
     two, averaged, closed = isinstance(grid, TwoComponentGrid), rows.averaged, rows.closed
     if isinstance(event.daughters, PairRows):
         rows.add_pairs(event.daughters, size_mass[low_size] + size_mass[high_size], offset)
         return
-    of_pair: Callable | None = None
+    of_pair: Callable[..., Any] | None = None
     if not isinstance(event.daughters, Daughters) and callable(event.daughters):
         of_pair = event.daughters
     name = getattr(event.daughters, "name", getattr(of_pair, "__name__", "daughters"))
     # Pairs that never meet get an empty row.
     first_cell = np.searchsorted(grid.size_of_cell, np.arange(grid.sizes))
     meets = np.add.reduceat(np.add.reduceat(weight, first_cell, axis=0), first_cell, axis=1) > 0
-    cached: dict = {}
+    cached: dict[float, tuple[np.ndarray, np.ndarray]] = {}
     empty = np.zeros(0, int)
     for i, j in zip(low_size, high_size):
         if not meets[i, j]:
@@ -349,7 +378,7 @@ def _collisional_rows(grid, event, rows, size_mass, low_size, high_size, weight,
         rows.add_dense(*placed, offset, parents, name)
 
 
-def _two(pieces, name):
+def _two(pieces: Any, name: str) -> tuple[np.ndarray, np.ndarray]:
     """(masses, numbers) that a user's function returned; raises `KernelError`."""
     try:
         mass, number = (np.asarray(part, float) for part in pieces)
@@ -358,7 +387,15 @@ def _two(pieces, name):
     return mass, number
 
 
-def _placed_pieces(grid, mass, number, parents, averaged, closed, name):
+def _placed_pieces(
+    grid: Grid | TwoComponentGrid,
+    mass: np.ndarray,
+    number: np.ndarray,
+    parents: np.ndarray,
+    averaged: bool,
+    closed: bool,
+    name: str,
+) -> tuple[np.ndarray, np.ndarray]:
     mass = np.asarray(mass, float).reshape(-1, len(parents))
     number = np.asarray(number, float).ravel()
     if len(mass) != number.size:
@@ -379,7 +416,13 @@ def _placed_pieces(grid, mass, number, parents, averaged, closed, name):
     return grid.place(mass, number * (parents[0] / total[0]), averaged, closed)
 
 
-def _first_order(grid, events, offset_of, averaged, closed) -> compiled.FirstOrder:
+def _first_order(
+    grid: Grid | TwoComponentGrid,
+    events: Sequence[Breakage],
+    offset_of: Callable[[np.ndarray | None], int],
+    averaged: bool,
+    closed: bool,
+) -> compiled.FirstOrder:
     """Several laws of breakage add to one rate with the mixture of their daughters."""
     rates = [evaluate_rate(e.rate, grid.state) for e in events]
     total = np.sum(rates, axis=0)
@@ -393,7 +436,7 @@ def _first_order(grid, events, offset_of, averaged, closed) -> compiled.FirstOrd
             if rate[k] == 0:
                 continue
             if two:
-                mass, pieces = event.daughters(parents)
+                mass, pieces = cast(Callable[..., Any], event.daughters)(parents)
                 name = getattr(event.daughters, "__name__", "daughters")
                 n, m = _placed_pieces(grid, mass, pieces, parents, averaged, closed, name)
             else:
@@ -412,7 +455,7 @@ def _first_order(grid, events, offset_of, averaged, closed) -> compiled.FirstOrd
     return compiled.FirstOrder(total, rows.finish())
 
 
-def _restructuring(grid, event: Restructuring) -> compiled.Restructuring:
+def _restructuring(grid: Grid | TwoComponentGrid, event: Restructuring) -> compiled.Restructuring:
     if not isinstance(grid, Grid) or grid.shapes == 1:
         raise PBEError("Restructuring needs a grid with shapes")
     rate = evaluate(as_kernel(event.kernel), grid.state)

@@ -12,12 +12,15 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pbekit.arguments import MOST_EXACT, array, number, whole_number
 from pbekit.errors import PBEError
 
 LARGEST = 10**9
 """Primaries of the largest aggregate."""
+Cumulative = Callable[[np.ndarray], np.ndarray]
+"""Masses -> number, or mass, of what lies below them."""
 
 
 def _amount(given: object) -> float:
@@ -53,7 +56,7 @@ class Grid:
     size_of_cell: np.ndarray = field(init=False)
     shape_of_cell: np.ndarray = field(init=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         pivots, edges = array("pivots", self.pivots, (None,)), array("edges", self.edges, (None,))
         if self.shape_edges is not None:
             array("shape edges", self.shape_edges, (None,))
@@ -110,14 +113,14 @@ class Grid:
         edges = smallest * ratio ** np.arange(count + 1)
         return cls(0.5 * (edges[1:] + edges[:-1]), edges, discrete=False)
 
-    def with_shapes(self, edges, name: str = "aspect ratio") -> Grid:
+    def with_shapes(self, edges: ArrayLike, name: str = "aspect ratio") -> Grid:
         """The same sizes, each divided into shape classes with these boundaries (P = 1, 2 keep one)."""
         edges = array("shape edges", edges, (None,))
         if edges.size < 2 or np.any(np.diff(edges) <= 0):
             raise PBEError(f"grid: shape edges must ascend, got {edges}")
         return replace(self, shape_edges=edges, shape_name=name, outer_radius=None)
 
-    def with_outer_radius(self, radius: Callable | np.ndarray) -> Grid:
+    def with_outer_radius(self, radius: Callable[..., ArrayLike] | ArrayLike) -> Grid:
         """Give every cell its outer radius R [m]: an array (K,), or a function of mass, or of mass and shape."""
         if callable(radius):
             wanted = [p for p in inspect.signature(radius).parameters.values() if p.default is p.empty]
@@ -212,7 +215,7 @@ class Grid:
         cells = np.flatnonzero(self.size_of_cell == size)
         return number * np.eye(self.cells)[cells].sum(axis=0) / cells.size
 
-    def from_cumulative(self, number_below: Callable, mass_below: Callable) -> np.ndarray:
+    def from_cumulative(self, number_below: Cumulative, mass_below: Cumulative) -> np.ndarray:
         """(K,) a continuous distribution put on the pivots, number and mass of it kept (as far as the grid reaches).
 
         number_below, mass_below : integrals of n(v) and v n(v) from 0 to v
@@ -222,7 +225,9 @@ class Grid:
 
     # -- where products go -------------------------------------------------------------------------------------
 
-    def corners(self, mass: np.ndarray, cell_average: bool = False, closed: bool = False):
+    def corners(
+        self, mass: np.ndarray, cell_average: bool = False, closed: bool = False
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Slots that share one product of each given mass: (slot, number, mass), each (n, 2).
 
         Fixed pivot (Kumar & Ramkrishna 1996): shared between the two neighbouring pivots so that number and mass are
@@ -260,7 +265,9 @@ class Grid:
             carried[over] = 0.0
         return slot, number, carried
 
-    def place(self, mass: np.ndarray, number: np.ndarray, cell_average: bool = False, closed: bool = False):
+    def place(
+        self, mass: np.ndarray, number: np.ndarray, cell_average: bool = False, closed: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
         """`number` products of each given mass, summed over the slots: (number, mass), each (S + 2,)."""
         slot, share, carried = self.corners(mass, cell_average, closed)
         weight = np.asarray(number, float).reshape(-1, 1)
@@ -271,12 +278,17 @@ class Grid:
         )
 
     def place_density(
-        self, number_below, mass_below, upto: float, cell_average: bool = False, closed: bool = False
-    ):
+        self,
+        number_below: Cumulative,
+        mass_below: Cumulative,
+        upto: float,
+        cell_average: bool = False,
+        closed: bool = False,
+    ) -> tuple[np.ndarray, np.ndarray]:
         """The same for a continuous density up to mass `upto`, by its exact cumulative number and mass."""
         out, out_mass = np.zeros(self.sizes + 2), np.zeros(self.sizes + 2)
 
-        def between(low, high):
+        def between(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             low, high = np.minimum(low, upto), np.minimum(high, upto)
             return number_below(high) - number_below(low), mass_below(high) - mass_below(low)
 
@@ -324,7 +336,7 @@ class TwoComponentGrid:
     discrete: bool = False
     outer_radius: None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("first", "second"):
             axis = array(f"two-component grid: {name} pivots", getattr(self, name), (None,))
             if axis.size < 2 or axis[0] < 0 or np.any(np.diff(axis) <= 0):
@@ -363,12 +375,14 @@ class TwoComponentGrid:
         nan = np.full(self.cells, np.nan)
         return Cells(self.mass, nan, nan)
 
-    def same_shape_share(self, share) -> np.ndarray:
+    def same_shape_share(self, share: np.ndarray | None) -> np.ndarray:
         if share is not None:
             raise PBEError("a two-component grid has no shapes")
         return np.ones(self.cells)
 
-    def corners(self, mass: np.ndarray, cell_average: bool = False, closed: bool = False):
+    def corners(
+        self, mass: np.ndarray, cell_average: bool = False, closed: bool = False
+    ) -> tuple[np.ndarray, np.ndarray, None]:
         """Slots that share one product of each given pair of masses (n, 2): (slot, number, None), each (n, 4)."""
         if cell_average:
             raise PBEError(
@@ -392,7 +406,7 @@ def _leading_whole(pivots: np.ndarray) -> int:
     return int((pivots == np.arange(1, pivots.size + 1)).sum())
 
 
-def _bracket(axis: np.ndarray, x: np.ndarray):
+def _bracket(axis: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lower neighbour of x on an axis and the share of the upper one."""
     x = np.clip(x, axis[0], axis[-1])
     i = np.clip(np.searchsorted(axis, x, side="right") - 1, 0, axis.size - 2)

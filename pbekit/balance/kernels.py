@@ -11,14 +11,17 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Real
+from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import special
 
 from pbekit import arguments
 from pbekit.arguments import shown
 from pbekit.balance.grid import Cells
 from pbekit.errors import KernelError, PBEError, RangeWarning
+from pbekit.moments import Below
 
 
 class Kernel:
@@ -27,7 +30,7 @@ class Kernel:
     def __call__(self, i: Cells, j: Cells) -> np.ndarray:
         raise NotImplementedError
 
-    def __mul__(self, other) -> Kernel:
+    def __mul__(self, other: object) -> Kernel:
         return Times(self, as_kernel(other))
 
     __rmul__ = __mul__
@@ -44,11 +47,11 @@ class Times(Kernel):
     first: Kernel
     second: Kernel
 
-    def __call__(self, i, j):
+    def __call__(self, i: Cells, j: Cells) -> np.ndarray:
         return self.first(i, j) * self.second(i, j)
 
     @property
-    def name(self):
+    def name(self) -> str:
         return f"{self.first.name} * {self.second.name}"
 
 
@@ -56,9 +59,9 @@ class Times(Kernel):
 class FromFunction(Kernel):
     """A user's plain function of two masses, or of two masses and two shapes, arrays that broadcast."""
 
-    function: Callable
+    function: Callable[..., Any]
 
-    def __call__(self, i, j):
+    def __call__(self, i: Cells, j: Cells) -> np.ndarray:
         wanted = len(inspect.signature(self.function).parameters)
         if wanted == 2:
             return self.function(i.mass, j.mass)
@@ -70,7 +73,7 @@ class FromFunction(Kernel):
         )
 
     @property
-    def name(self):
+    def name(self) -> str:
         return getattr(self.function, "__name__", repr(self.function))
 
 
@@ -81,7 +84,7 @@ class FromArray(Kernel):
     values: np.ndarray  # (K, K)
     name: str = "array"
 
-    def __call__(self, i, j):
+    def __call__(self, i: Cells, j: Cells) -> np.ndarray:
         values = np.asarray(self.values, float)
         shape = np.broadcast_shapes(i.mass.shape, j.mass.shape)
         if values.shape != shape:
@@ -91,7 +94,7 @@ class FromArray(Kernel):
         return values
 
 
-def as_kernel(kernel) -> Kernel:
+def as_kernel(kernel: object) -> Kernel:
     """What a user brings (a Kernel, a number, a function, an array) as a Kernel."""
     if isinstance(kernel, Kernel):
         return kernel
@@ -125,7 +128,7 @@ def evaluate(kernel: Kernel, cells: Cells) -> np.ndarray:
             f"kernel {kernel.name}: expected numbers that broadcast to {wanted} from masses (K, 1) and (1, K): {problem}"
         ) from None
 
-    def refuse(bad, what):
+    def refuse(bad: np.ndarray, what: str) -> NoReturn:
         a, b = np.argwhere(bad)[0]
         pair = f"masses {cells.mass[a]:g} and {cells.mass[b]:g} (cells {a}, {b})"
         raise KernelError(f"kernel {kernel.name}: {what} for {pair}: {values[a, b]:g}")
@@ -150,15 +153,15 @@ class Constant(Kernel):
 
     rate: float
 
-    def __call__(self, i, j):
+    def __call__(self, i: Cells, j: Cells) -> np.ndarray:
         return np.full(np.broadcast_shapes(i.mass.shape, j.mass.shape), self.rate)
 
-    def exact_discrete(self, size: np.ndarray, time: float, number: float) -> np.ndarray:
+    def exact_discrete(self, size: ArrayLike, time: float, number: float) -> np.ndarray:
         """n_k from `number` monomers (Smoluchowski 1917): N0 T^(k-1)/(1+T)^(k+1), T = K N0 t/2."""
         k, t = np.asarray(size, float), 0.5 * self.rate * number * time
         return number * np.exp((k - 1) * np.log(t) - (k + 1) * np.log1p(t)) if t > 0 else number * (k == 1)
 
-    def exact_cumulative(self, time: float, number: float, mean: float):
+    def exact_cumulative(self, time: float, number: float, mean: float) -> tuple[Below, Below]:
         """(number below v, mass below v) from number/mean exp(-v/mean) (Schumann 1940): an exponential for ever."""
         now = number / (1 + 0.5 * self.rate * number * time)
         return exponential_below(now, number * mean / now)
@@ -170,23 +173,23 @@ class Sum(Kernel):
 
     rate: float
 
-    def __call__(self, i, j):
+    def __call__(self, i: Cells, j: Cells) -> np.ndarray:
         return self.rate * (i.mass + j.mass)
 
-    def exact_discrete(self, size, time, number):
+    def exact_discrete(self, size: ArrayLike, time: float, number: float) -> np.ndarray:
         """n_k from monomers of mass 1: N0 (1-phi) (k phi)^(k-1) exp(-k phi)/k!, phi = 1 - exp(-b N0 t) (Golovin)."""
         k, phi = np.asarray(size, float), -np.expm1(-self.rate * number * time)
         if phi == 0:
             return number * (k == 1)
         return number * (1 - phi) * np.exp((k - 1) * np.log(k * phi) - k * phi - special.gammaln(k + 1))
 
-    def exact_density(self, volume, time, number, mean):
+    def exact_density(self, volume: ArrayLike, time: float, number: float, mean: float) -> np.ndarray:
         """n(v) from number/mean exp(-v/mean) (Golovin 1963, Scott 1968)."""
         v, tau = np.asarray(volume, float), -np.expm1(-self.rate * number * mean * time)
         z = 2 * v * np.sqrt(tau) / mean
         return number * (1 - tau) / (v * np.sqrt(tau)) * special.ive(1, z) * np.exp(z - (1 + tau) * v / mean)
 
-    def exact_moments(self, time, number, mean):
+    def exact_moments(self, time: float, number: float, mean: float) -> tuple[float, float, float]:
         """(M0, M1, M2) from the exponential."""
         grown = np.exp(self.rate * number * mean * time)
         return number / grown, number * mean, 2 * number * mean**2 * grown**2
@@ -198,10 +201,10 @@ class Product(Kernel):
 
     rate: float
 
-    def __call__(self, i, j):
+    def __call__(self, i: Cells, j: Cells) -> np.ndarray:
         return self.rate * i.mass * j.mass
 
-    def exact_discrete(self, size, time, number):
+    def exact_discrete(self, size: ArrayLike, time: float, number: float) -> np.ndarray:
         """n_k from monomers of mass 1, before the gel point s = K N0 t < 1 (McLeod 1962)."""
         k, s = np.asarray(size, float), self.rate * number * time
         if s >= 1:
@@ -211,13 +214,13 @@ class Product(Kernel):
         return number * np.exp((k - 2) * np.log(k) + (k - 1) * np.log(s) - k * s - special.gammaln(k + 1))
 
 
-def exponential_below(number: float, mean: float):
+def exponential_below(number: float, mean: float) -> tuple[Below, Below]:
     """Cumulative number and mass of number/mean exp(-v/mean), as functions of v."""
 
-    def number_below(v):
+    def number_below(v: ArrayLike) -> np.ndarray:
         return -number * np.expm1(-np.asarray(v, float) / mean)
 
-    def mass_below(v):
+    def mass_below(v: ArrayLike) -> np.ndarray:
         x = np.asarray(v, float) / mean
         return number * mean * special.gammainc(2, x)
 
@@ -237,10 +240,10 @@ class ShearEncounter(Kernel):
 
     shear_rate: float  # g [1/s]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         arguments.law(self, positive=("shear_rate",))
 
-    def __call__(self, i, j):
+    def __call__(self, i: Cells, j: Cells) -> np.ndarray:
         if np.any(np.isnan(i.outer_radius)):
             raise KernelError("ShearEncounter: the grid has no outer radii; use grid.with_outer_radius(...)")
         return 4 / 3 * self.shear_rate * (i.outer_radius + j.outer_radius) ** 3
@@ -252,10 +255,10 @@ class ExtensionEncounter(Kernel):
 
     extension_rate: float  # e [1/s]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         arguments.law(self, positive=("extension_rate",))
 
-    def __call__(self, i, j):
+    def __call__(self, i: Cells, j: Cells) -> np.ndarray:
         if np.any(np.isnan(i.outer_radius)):
             raise KernelError(
                 "ExtensionEncounter: the grid has no outer radii; use grid.with_outer_radius(...)"
@@ -274,7 +277,7 @@ class FractalRadius:
     prefactor: float = 1.0
     dimension: float = 2.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         arguments.law(self, positive=("radius", "prefactor", "dimension"))
         if not 1 <= self.dimension <= 3:
             warnings.warn(
@@ -283,7 +286,7 @@ class FractalRadius:
                 stacklevel=3,
             )
 
-    def __call__(self, mass):
+    def __call__(self, mass: ArrayLike) -> np.ndarray:
         p = np.asarray(mass, float)
         law = (p / self.prefactor) ** (1 / self.dimension)
         return self.radius * np.where(p == 1, 1.0, np.where(p == 2, 2.0, np.maximum(law, 1.0)))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pbekit.arguments import SCHEMES, shown
 from pbekit.balance import right_hand_side as compiled
@@ -23,8 +26,12 @@ class PopulationBalance:
     """
 
     def __init__(
-        self, grid: Grid | TwoComponentGrid, events: list[Event], scheme="fixed pivot", edge="overflow"
-    ):
+        self,
+        grid: Grid | TwoComponentGrid,
+        events: Sequence[Event] | Event,
+        scheme: str = "fixed pivot",
+        edge: str = "overflow",
+    ) -> None:
         if scheme not in SCHEMES:
             raise PBEError(f"scheme: got {scheme!r}, expected one of {SCHEMES}")
         if edge not in EDGES:
@@ -56,7 +63,7 @@ class PopulationBalance:
         masses = self.grid.masses
         return np.concatenate([masses, np.zeros((1, masses.shape[1])), np.eye(masses.shape[1])])
 
-    def state(self, population) -> np.ndarray:
+    def state(self, population: ArrayLike) -> np.ndarray:
         """(K + tail,) a population with an empty overflow."""
         try:
             population = np.asarray(population, float)

@@ -15,11 +15,13 @@ radii       R/(a P^(1/2)) of the nearest aggregates in size, of the same shape.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import optimize, sparse, special
 
 from pbekit import arguments
@@ -47,7 +49,12 @@ SHAPE_PRIOR = 1.0
 """Pseudo-counts of a row of shapes."""
 
 
-def grid_for(table: KernelTable, exact_to: int = 32, largest: int | None = None, shapes="table") -> Grid:
+def grid_for(
+    table: KernelTable,
+    exact_to: int = 32,
+    largest: int | None = None,
+    shapes: ArrayLike | None = "table",
+) -> Grid:
     """A grid for a table: its shape classes, sizes to twice the largest seen.
 
     shapes : "table", None for one mean shape per size, or boundaries
@@ -127,6 +134,23 @@ def extrapolated_shares(changes: np.ndarray, mass: np.ndarray, guessed: np.ndarr
     return number, weighted
 
 
+def _every(allowed: np.ndarray) -> Callable[[int], np.ndarray]:
+    """The same samples, for each target of `nearest`."""
+    return lambda target: allowed
+
+
+class _ShapesOfProducts(NamedTuple):
+    """Products (p,) whose shapes are counted.
+
+    shape, encounter : (p,) their shape class and the encounter they left
+    near : for each group of larger parents, (sizes with several shapes, p) weights of a local average
+    """
+
+    shape: np.ndarray
+    encounter: np.ndarray
+    near: dict[int, sparse.csr_array]
+
+
 class EstimatedRates:
     """A table on a grid.
 
@@ -184,7 +208,7 @@ class EstimatedRates:
 
     # -- outcomes -------------------------------------------------------------------------------------------------
 
-    def _prepare_outcomes(self):
+    def _prepare_outcomes(self) -> None:
         table, grid, r = self.table, self.grid, self.records
         shape = r.shape(table.shape_name, table.radius)
         single = (r.size <= 2) | (grid.shapes == 1)
@@ -221,13 +245,13 @@ class EstimatedRates:
         beyond = grid.mass > r.size.max()
         self.extrapolated = (seen[self.cell_pair] == 0) | beyond[:, None] | beyond[None]
 
-    def _prior_strength(self, counts) -> float:
+    def _prior_strength(self, counts: np.ndarray) -> float:
         """Pseudo-encounters of the law per pair of classes, by the marginal likelihood of the classes' counts."""
         counts = counts.reshape(-1, 3)
         law = np.maximum(self.law(self._class_features), 1e-12)
         used = counts.sum(axis=1) > 0
 
-        def misfit(log_strength):
+        def misfit(log_strength: float) -> float:
             alpha = np.exp(log_strength) * law[used]
             n, total = counts[used].sum(axis=1), alpha.sum(axis=1)
             value = special.gammaln(total) - special.gammaln(n + total)
@@ -253,7 +277,7 @@ class EstimatedRates:
 
     # -- fragments ------------------------------------------------------------------------------------------------
 
-    def _prepare_fragments(self):
+    def _prepare_fragments(self) -> None:
         grid, r = self.grid, self.records
         self.scattered = np.flatnonzero(np.isin(r.outcome, SCATTERED))
         high, low = np.tril_indices(grid.sizes)
@@ -299,7 +323,7 @@ class EstimatedRates:
         )
         self._fragment_norm = near
 
-    def _no_fragments(self, total):
+    def _no_fragments(self, total: np.ndarray) -> np.ndarray:
         """Nothing was seen to break: should the prior's rare breakup occur, any split is equally likely."""
         from pbekit.balance.breakage import Uniform
 
@@ -320,7 +344,7 @@ class EstimatedRates:
 
     # -- radii ----------------------------------------------------------------------------------------------------
 
-    def _prepare_radii(self):
+    def _prepare_radii(self) -> None:
         grid, r, table = self.grid, self.records, self.table
         size, radius = r.size.ravel(), r.outer_radius.ravel()
         shape = self._grid_shape(size, r.shape(table.shape_name, table.radius).ravel())
@@ -331,7 +355,7 @@ class EstimatedRates:
         }
         every = np.flatnonzero(good)
 
-        def within(k):
+        def within(k: int) -> np.ndarray:
             own = by_shape[grid.shape_of_cell[k]]
             if grid.mass[k] <= 2:
                 own = every[size[every] == grid.mass[k]]
@@ -353,7 +377,7 @@ class EstimatedRates:
 
     # -- shapes ---------------------------------------------------------------------------------------------------
 
-    def _grid_shape(self, size, shape) -> np.ndarray:
+    def _grid_shape(self, size: np.ndarray, shape: np.ndarray) -> np.ndarray:
         """Shape class on the grid, -1 for one and two primaries."""
         if self.grid.shape_edges is None:
             return np.full(np.shape(size), -1)
@@ -362,7 +386,7 @@ class EstimatedRates:
             size <= 2, -1, np.searchsorted(inner, np.nan_to_num(shape, nan=inner[0]), side="right")
         )
 
-    def _prepare_shapes(self):
+    def _prepare_shapes(self) -> None:
         grid, r, table = self.grid, self.records, self.table
         parent = self._grid_shape(r.size, r.shape(table.shape_name, table.radius))
         product = self._grid_shape(r.product_size, r.product_shape(table.shape_name, table.radius))
@@ -373,7 +397,7 @@ class EstimatedRates:
         several = grid.shape_of_cell >= 0
         pivots = np.flatnonzero(np.bincount(grid.size_of_cell, minlength=grid.sizes) > 1)
 
-        def rows(chosen, group):
+        def rows(chosen: np.ndarray, group: np.ndarray) -> _ShapesOfProducts:
             """Local averages for each (group, size with several shapes) of the products `chosen`."""
             samples = np.log(r.product_size[chosen])[:, None]
             targets = np.log(grid.pivots[pivots])[:, None]
@@ -381,8 +405,8 @@ class EstimatedRates:
             for g in np.unique(np.append(group, -2)):
                 if g > -2:
                     own = np.flatnonzero(group == g)
-                    found.append((g, nearest(targets, samples, np.array([0.1]), lambda t, own=own: own)))
-            return chosen, product[chosen], r.encounter_of_product[chosen], dict(found)
+                    found.append((g, nearest(targets, samples, np.array([0.1]), _every(own))))
+            return _ShapesOfProducts(product[chosen], r.encounter_of_product[chosen], dict(found))
 
         joined = np.flatnonzero((kind_of_product == JOIN) & (product >= 0))
         group = larger[r.encounter_of_product[joined]] if self.memory else np.zeros(joined.size, int)
@@ -409,14 +433,16 @@ class EstimatedRates:
                 np.log(grid.mass[cells])[:, None],
                 np.log(size)[:, None],
                 np.array([0.1]),
-                lambda t, c=of_cell: c[t],
+                of_cell.__getitem__,
             )
             self._kept_near.append(near)
             self._kept_pool.append(own)
 
-    def _shape_rows(self, prepared, weight, rng, group=None):
+    def _shape_rows(
+        self, prepared: _ShapesOfProducts, weight: np.ndarray, rng: np.random.Generator | None, group: int
+    ) -> np.ndarray:
         """(S-with-shapes, shapes) probabilities from local counts and a prior spread over all sizes."""
-        _, shape, encounter, near = prepared
+        shape, encounter, near = prepared
         w, shapes = weight[encounter], self.grid.shapes
         pool = np.bincount(shape, w, shapes) + 1.0 / shapes
         local = np.zeros((self._pivots.size, shapes))
@@ -426,18 +452,20 @@ class EstimatedRates:
         return self._posterior(local, pool / pool.sum(), rng)
 
     @staticmethod
-    def _posterior(counts, spread, rng):
+    def _posterior(counts: np.ndarray, spread: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:
         prior = np.broadcast_to(SHAPE_PRIOR * spread, counts.shape)
         total = counts + (prior if rng is None else rng.standard_gamma(prior)) + 1e-300
         return total / total.sum(axis=-1, keepdims=True)
 
-    def _share(self, rows) -> np.ndarray:
+    def _share(self, rows: np.ndarray) -> np.ndarray:
         """(K,) from rows per size with several shapes."""
         share = np.ones(self.grid.cells)
         share[self._several] = rows.ravel()
         return share
 
-    def shapes_of_products(self, weight, rng):
+    def shapes_of_products(
+        self, weight: np.ndarray, rng: np.random.Generator | None
+    ) -> tuple[np.ndarray | ShapeMemory, np.ndarray]:
         """Aggregation's (shares or ShapeMemory), scattering's shares."""
         broken = self._share(self._shape_rows(self._broken, weight, rng, 0))
         if not self.memory:
@@ -446,7 +474,7 @@ class EstimatedRates:
         shares = np.stack([self._share(self._shape_rows(self._joined, weight, rng, g)) for g in groups])
         return ShapeMemory(shares, np.arange(self.grid.shapes)), broken
 
-    def transitions(self, weight, rng) -> np.ndarray:
+    def transitions(self, weight: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:
         """(groups of partners, K, shapes) probability of a survivor's shape after, given its cell."""
         grid, shapes = self.grid, self.grid.shapes
         out = np.zeros((len(self._kept_near), grid.cells, shapes))

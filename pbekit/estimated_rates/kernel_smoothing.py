@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy import sparse
 
@@ -10,7 +12,12 @@ NEIGHBOURS = 40
 MOST_NEIGHBOURS = 400
 
 
-def nearest(targets: np.ndarray, samples: np.ndarray, scale: np.ndarray, within=None) -> sparse.csr_array:
+def nearest(
+    targets: np.ndarray,
+    samples: np.ndarray,
+    scale: np.ndarray,
+    within: Callable[[int], np.ndarray] | None = None,
+) -> sparse.csr_array:
     """(targets, samples) weights of a local average, Gaussian in the scaled distance.
 
     The width is such that about NEIGHBOURS samples count; where that many match exactly, only these count.

@@ -23,7 +23,9 @@ class LogisticLaw:
     scale: np.ndarray
 
     @staticmethod
-    def features(size_i, size_j, shape_i, shape_j) -> np.ndarray:
+    def features(
+        size_i: np.ndarray, size_j: np.ndarray, shape_i: np.ndarray, shape_j: np.ndarray
+    ) -> np.ndarray:
         """(..., features) from sizes and shapes (nan where there is only one) of both."""
         size_i, size_j = np.log(size_i), np.log(size_j)
         total = np.log(np.exp(size_i) + np.exp(size_j))
@@ -46,7 +48,7 @@ class LogisticLaw:
         ridge = np.tile(np.r_[1 / 25, np.ones(m - 1) / 4], kinds - 1)
 
         @lru_cache(maxsize=2)
-        def probabilities(point: bytes):
+        def probabilities(point: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             """Probabilities (n, kinds - 1), the logarithm of their norm (n,) and what they are the softmax of."""
             logit = x @ np.frombuffer(point).reshape(kinds - 1, m).T
             highest = np.maximum(logit.max(axis=1), 0.0)
@@ -54,12 +56,12 @@ class LogisticLaw:
             norm = np.exp(-highest) + p.sum(axis=1)
             return p / norm[:, None], np.log(norm) + highest, logit
 
-        def objective(flat):
+        def objective(flat: np.ndarray) -> tuple[float, np.ndarray]:
             p, norm, logit = probabilities(flat.tobytes())
             value = norm.sum() - (one * logit).sum() + 0.5 * (ridge * flat**2).sum()
             return value, (x.T @ (p - one)).T.ravel() + ridge * flat
 
-        def hessian(flat):
+        def hessian(flat: np.ndarray) -> np.ndarray:
             p, _, _ = probabilities(flat.tobytes())
             found = np.diag(ridge)
             for a, b in itertools.combinations_with_replacement(range(kinds - 1), 2):

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pbekit.arguments import number
 from pbekit.balance.encounters import ShapeMemory
@@ -20,6 +21,9 @@ from pbekit.balance.population_balance import PopulationBalance
 from pbekit.errors import PBEError
 from pbekit.estimated_rates.estimated_rates import EstimatedRates, Rates, extrapolated_shares, grid_for
 from pbekit.tables.kernel_table import KernelTable
+
+Joined = np.ndarray | ShapeMemory | None
+"""Shapes of products of aggregation, as in `Rates`."""
 
 
 class InterpolatedRates:
@@ -131,7 +135,10 @@ def _check(lower: KernelTable, upper: KernelTable, stress: float) -> None:
 
 
 def common_grid(
-    tables: Sequence[KernelTable], exact_to: int = 32, largest: int | None = None, shapes="table"
+    tables: Sequence[KernelTable],
+    exact_to: int = 32,
+    largest: int | None = None,
+    shapes: ArrayLike | None = "table",
 ) -> Grid:
     """One grid for several tables: sizes to twice the largest seen in any, shape classes of the one at the lowest stress."""
     # A largest size must hold what any of the tables saw.
@@ -170,10 +177,17 @@ def mix(lower: Rates, upper: Rates, weight: float) -> Rates:
     def of(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return (1.0 - weight) * a + weight * b
 
-    def shapes(a, b):
-        if isinstance(a, ShapeMemory):
+    def shapes(a: np.ndarray | None, b: np.ndarray | None) -> np.ndarray | None:
+        if a is None or b is None:
+            assert a is b, "on one grid both have shapes or neither"
+            return None
+        return of(a, b)
+
+    def joined(a: Joined, b: Joined) -> Joined:
+        if isinstance(a, ShapeMemory) and isinstance(b, ShapeMemory):
             return ShapeMemory(of(a.shares, b.shares), a.group_of_shape)
-        return None if a is None else of(a, b)
+        assert not isinstance(a, ShapeMemory) and not isinstance(b, ShapeMemory), "both remember or neither"
+        return shapes(a, b)
 
     with np.errstate(divide="ignore"):
         # An outcome that one table excludes is excluded between them.
@@ -188,7 +202,7 @@ def mix(lower: Rates, upper: Rates, weight: float) -> Rates:
         outcomes / outcomes.sum(axis=-1, keepdims=True),
         of(lower.fragments, upper.fragments),
         of(lower.radius_moments, upper.radius_moments),
-        shapes(lower.joined, upper.joined),
+        joined(lower.joined, upper.joined),
         shapes(lower.broken, upper.broken),
         shapes(lower.transitions, upper.transitions),
     )

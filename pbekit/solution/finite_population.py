@@ -14,6 +14,7 @@ import xarray as xr
 
 from pbekit import arguments
 from pbekit.balance.encounters import ShapeMemory
+from pbekit.balance.grid import Grid
 from pbekit.errors import PBEError
 from pbekit.estimated_rates.estimated_rates import SURVIVE, EstimatedRates
 from pbekit.solution import compiled_population
@@ -149,7 +150,7 @@ def _lookup(
     )
 
 
-def _by_size(share: np.ndarray, grid) -> np.ndarray:
+def _by_size(share: np.ndarray, grid: Grid) -> np.ndarray:
     """(K,) shares of the shapes of each size, cumulated within the size."""
     total = np.cumsum(share)
     first = np.searchsorted(grid.size_of_cell, grid.size_of_cell)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 from scipy.integrate import odeint, solve_ivp
 
 from pbekit import arguments, moments
@@ -16,8 +17,8 @@ from pbekit.errors import PBEError
 
 def integrate(
     balance: PopulationBalance,
-    population: np.ndarray,
-    times: np.ndarray,
+    population: ArrayLike,
+    times: ArrayLike,
     method: Any = "LSODA",
     rtol: float = 1e-8,
     atol: float | None = None,
@@ -39,9 +40,11 @@ def integrate(
     rhs = balance.rhs
     if progress is not None:
 
-        def rhs(t, y):
-            progress(t)
-            return balance.rhs(t, y)
+        def reported(time: float, state: np.ndarray) -> np.ndarray:
+            progress(time)
+            return balance.rhs(time, state)
+
+        rhs = reported
 
     if method == "LSODA":
         # The same integrator as solve_ivp's, but its steps do not pass through Python.
@@ -75,7 +78,7 @@ LONG = 1000.0
 
 
 def course(
-    balance: PopulationBalance, population, times: np.ndarray, *, rtol: float = 1e-8, **options: Any
+    balance: PopulationBalance, population: ArrayLike, times: ArrayLike, *, rtol: float = 1e-8, **options: Any
 ) -> tuple[np.ndarray, float | None]:
     """As `integrate`, but a long course stops where nothing changes any more.
 
@@ -106,7 +109,13 @@ def course(
     return states, None
 
 
-def solve(balance: PopulationBalance, population, times, time_unit: str = "s", **options) -> xr.Dataset:
+def solve(
+    balance: PopulationBalance,
+    population: ArrayLike,
+    times: ArrayLike,
+    time_unit: str = "s",
+    **options: Any,
+) -> xr.Dataset:
     """The balance's populations as a dataset, with moments, overflow and mass drift; options as in `integrate`.
 
     Numbers below zero, which an integrator leaves within its tolerance, are set to zero; `clipped_mass` says what

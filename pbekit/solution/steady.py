@@ -37,7 +37,7 @@ class SteadyState:
     residual: float
     iterations: int
     time: float
-    factors: tuple
+    factors: tuple[np.ndarray, np.ndarray]
     row: int
 
     def response(self, change: np.ndarray) -> np.ndarray:
@@ -113,7 +113,9 @@ def steady_state(
     raise NotReachedError(f"steady_state: not reached by t = {solver.t:g}")
 
 
-def _newton(balance, population, total, tolerance, time) -> SteadyState | None:
+def _newton(
+    balance: PopulationBalance, population: np.ndarray, total: float, tolerance: float, time: float
+) -> SteadyState | None:
     """Newton with the mass row; None if it does not converge to a non-negative state."""
     cells, mass = balance.cells, balance.grid.mass
     n = population * (total / (population @ mass))

@@ -22,12 +22,12 @@ def switches(table: KernelTable) -> Iterator[tuple[str, Callable[[], EstimatedRa
     """(name, estimated, scheme): one assumption of the balance changed in each."""
     ratio = size_ratio(len(table.records))
 
-    def reclassed(other):
+    def reclassed(other: float) -> EstimatedRates:
         edges = size_classes(int(table.records.size.max()), other)
         finer = _classed(table, edges, table.shape_edges, table.shape_name)
         return EstimatedRates(finer, grid_for(finer))
 
-    def reshaped(shapes, shape_name):
+    def reshaped(shapes: int, shape_name: str) -> EstimatedRates:
         edges = KernelTable.of(
             table.records, table.radius, table.shear_rate, shapes=shapes, shape_name=shape_name
         ).shape_edges
@@ -65,7 +65,9 @@ def switches(table: KernelTable) -> Iterator[tuple[str, Callable[[], EstimatedRa
         yield "the run's encounters alone", lambda: EstimatedRates(only, grid_for(only)), "fixed pivot"
 
 
-def _classed(table: KernelTable, size_edges, shape_edges, shape_name: str) -> KernelTable:
+def _classed(
+    table: KernelTable, size_edges: np.ndarray, shape_edges: np.ndarray | None, shape_name: str
+) -> KernelTable:
     """The same encounters in other classes."""
     return KernelTable(
         table.records, size_edges, shape_edges, table.radius, table.shear_rate, shape_name, table.about

@@ -62,7 +62,7 @@ class AnalyticalBalance:
         efficiency = van_de_ven_mason_of(table)
         start = start_of(grid, table)
 
-        def off(log_c):
+        def off(log_c: float) -> float:
             trial = cls(grid, rate, efficiency, power, float(np.exp(log_c)))
             n = steady_state(trial.balance(), start).population
             return n @ grid.mass / n.sum() - mean_size

@@ -11,6 +11,7 @@ import itertools
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -18,6 +19,7 @@ import xarray as xr
 from pbekit import arguments
 from pbekit.arguments import LEVEL
 from pbekit.balance.grid import Grid
+from pbekit.balance.population_balance import PopulationBalance
 from pbekit.errors import PBEError
 from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
 from pbekit.solution.finite_population import population_course
@@ -119,8 +121,8 @@ def compare_table(
     both_course = course_output(start, times, share_from=late, rtol=1e-5)
     both_steady = None if steady is None else steady_output(start, guess=steady.population)
 
-    def output(balance):
-        found = {f"course_{k}": v for k, v in both_course(balance).items()}
+    def output(balance: PopulationBalance) -> dict[str, Any]:
+        found: dict[str, Any] = {f"course_{k}": v for k, v in both_course(balance).items()}
         return found if both_steady is None else found | dict(both_steady(balance))
 
     centre = output(estimated.mean)
@@ -143,7 +145,7 @@ def compare_table(
     if run is not None and settled:
         target = run.steady["mean_size"][0]
     tell("analytical laws", 0.7)
-    data: dict[str, tuple] = {}
+    data: dict[str, tuple[Any, ...]] = {}
     for key, unit in COURSE:
         low, high = band(drawn[f"course_{key}"].values)
         data |= {
@@ -258,7 +260,9 @@ def _inside(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
     return float(((values >= low) & (values <= high)).mean())
 
 
-def _banded(name: str, centre: np.ndarray, drawn: np.ndarray, width: np.ndarray) -> dict[str, tuple]:
+def _banded(
+    name: str, centre: np.ndarray, drawn: np.ndarray, width: np.ndarray
+) -> dict[str, tuple[str, np.ndarray]]:
     low, high = band(drawn)
     columns = {name: centre, f"{name}_low": low, f"{name}_high": high}
     return {n: ("size", v / width) for n, v in columns.items()}
@@ -271,7 +275,9 @@ def _on_grid(per_size: np.ndarray, grid: Grid) -> np.ndarray:
     return np.array([padded[a:b].sum() for a, b in itertools.pairwise(edges)])
 
 
-def volume_fractions(table: KernelTable, mean_size: float, factors=(0.25, 0.5, 1.0, 2.0, 4.0)) -> xr.Dataset:
+def volume_fractions(
+    table: KernelTable, mean_size: float, factors: Sequence[float] = (0.25, 0.5, 1.0, 2.0, 4.0)
+) -> xr.Dataset:
     """Steady <P> against volume fraction: tabulated (breakup on encounter) and analytical (first order)."""
     estimated = EstimatedRates(table, grid_for(table))
     phi = float(table.about["volume_fraction"]) * np.asarray(factors)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import stats
 
 from pbekit.arguments import LEVEL
@@ -40,7 +41,9 @@ class InterpolationError:
     tables: int
 
     @classmethod
-    def of(cls, own: Sequence, predicted: Sequence, gaps: Sequence[float]) -> InterpolationError:
+    def of(
+        cls, own: Sequence[np.ndarray | float], predicted: Sequence[np.ndarray | float], gaps: Sequence[float]
+    ) -> InterpolationError:
         """From values of tables (n, ...), what their neighbours predict for them (n, ...), and their gaps (n,)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             off = np.log(np.asarray(own, float) / np.asarray(predicted, float))
@@ -52,7 +55,7 @@ class InterpolationError:
         """(...) of the logarithm, at a stress of this gap."""
         return stats.t.ppf(0.5 * (1 + level), self.tables) * self.curvature * gap
 
-    def widened(self, value, draws: np.ndarray, gap: float, level: float = LEVEL) -> np.ndarray:
+    def widened(self, value: ArrayLike, draws: np.ndarray, gap: float, level: float = LEVEL) -> np.ndarray:
         """(2, ...) band of an interpolated `value` from draws (n, ...) of the tables and the interpolation's own error.
 
         The two are independent: half widths of the logarithm add in squares.  Draws are taken about their own median, as an

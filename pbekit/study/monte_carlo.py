@@ -103,7 +103,7 @@ class MonteCarlo:
         return np.asarray(getattr(self, name))[row]
 
 
-def _blocks(time, values) -> np.ndarray:
+def _blocks(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Time averages over the blocks of a stretch."""
     means = []
     for low, high in itertools.pairwise(np.linspace(time[0], time[-1], BLOCKS + 1)):

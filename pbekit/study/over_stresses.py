@@ -240,7 +240,9 @@ def _most_encounters(tables: list[KernelTable]) -> int:
     return int(np.argmax([len(t.records) for t in tables]))
 
 
-def _analytical_over_stresses(tables, stress, mean_size) -> xr.Dataset:
+def _analytical_over_stresses(
+    tables: list[KernelTable], stress: np.ndarray, mean_size: np.ndarray
+) -> xr.Dataset:
     """Steady <P> and d32 of the analytical balance that is right at one stress."""
     reference = _most_encounters(tables)
     fitted = AnalyticalBalance.fitted(tables[reference], float(mean_size[reference]))

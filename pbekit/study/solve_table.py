@@ -168,7 +168,7 @@ def solve_table(
         without_bands = data.copy()
         try:
             output = _Output(start, times, steady)
-            error = errors(output) if isinstance(estimated, InterpolatedRates) else {}
+            error = {} if errors is None else errors(output)
             tell("draws", 0.5)
             _put_bands(data, estimated, output, error, chosen, tell)
         except KeyboardInterrupt:
@@ -198,7 +198,12 @@ class _Output:
         return found
 
 
-def _closure(tables, stress, chosen: Options, grid_options):
+def _closure(
+    tables: list[KernelTable],
+    stress: float | None,
+    chosen: Options,
+    grid_options: tuple[int, int | None, Any],
+) -> tuple[EstimatedRates | InterpolatedRates, Callable[[_Output], dict[str, InterpolationError]] | None]:
     """The table on its grid, or those that `stress` lies between; and the error of interpolation of an output."""
     exact_to, largest, shapes = grid_options
     if stress is None:
@@ -212,14 +217,16 @@ def _closure(tables, stress, chosen: Options, grid_options):
     grid = common_grid(tables, exact_to, largest, shapes)
     estimated = interpolate(tables, stress, grid, chosen.outcomes)
 
-    def errors(output) -> dict[str, InterpolationError]:
+    def errors(output: _Output) -> dict[str, InterpolationError]:
         ordered = [EstimatedRates(t, grid, chosen.outcomes) for t in sorted(tables, key=stress_of)]
         return leave_out(ordered, output, [output(c.mean) for c in ordered])
 
     return estimated, errors
 
 
-def _put_steady(data: xr.Dataset, estimated, steady: SteadyState | None) -> None:
+def _put_steady(
+    data: xr.Dataset, estimated: EstimatedRates | InterpolatedRates, steady: SteadyState | None
+) -> None:
     if steady is None:
         return
     note = {"units": "m-3", "long_name": "steady number concentration"}
@@ -242,7 +249,14 @@ def _put_steady(data: xr.Dataset, estimated, steady: SteadyState | None) -> None
     }
 
 
-def _put_bands(data: xr.Dataset, estimated, output: _Output, error, chosen: Options, tell: Tell) -> None:
+def _put_bands(
+    data: xr.Dataset,
+    estimated: EstimatedRates | InterpolatedRates,
+    output: _Output,
+    error: dict[str, InterpolationError],
+    chosen: Options,
+    tell: Tell,
+) -> None:
     """Bands of the course and of the steady state, the interpolation's error included where there is one."""
     drawn = draws_of(
         estimated,
@@ -255,7 +269,10 @@ def _put_bands(data: xr.Dataset, estimated, output: _Output, error, chosen: Opti
     for name in drawn.data_vars:
         value = data.attrs[name] if name in data.attrs else data[name].values
         rows = drawn[name].values
-        limits = error[name].widened(value, rows, estimated.gap) if name in error else band(rows)
+        if isinstance(estimated, InterpolatedRates) and name in error:
+            limits = error[str(name)].widened(value, rows, estimated.gap)
+        else:
+            limits = band(rows)
         for end, values in zip(("low", "high"), limits, strict=True):
             if name in data.attrs:
                 data.attrs[f"{name}_{end}"] = float(values)

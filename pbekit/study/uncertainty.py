@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import xarray as xr
@@ -19,6 +19,7 @@ from pbekit.arguments import LARGEST_SEED, LEVEL, MOST_DRAWS, least_draws, numbe
 from pbekit.balance.population_balance import PopulationBalance
 from pbekit.errors import PBEError
 from pbekit.estimated_rates.estimated_rates import JOIN, SCATTER, SURVIVE, EstimatedRates
+from pbekit.estimated_rates.logistic_law import LogisticLaw
 from pbekit.solution.solve import integrate
 from pbekit.solution.steady import NotReachedError, SteadyState, steady_state
 from pbekit.tables.counts import share_interval
@@ -82,13 +83,13 @@ def band(draws: np.ndarray, level: float = LEVEL, axis: int = 0) -> np.ndarray:
 
 def steady_output(
     population: np.ndarray, volume_fraction_scale: float = 1.0, guess: np.ndarray | None = None
-):
+) -> Callable[[PopulationBalance], dict[str, np.ndarray | float]]:
     """An output for `draws_of`: the steady mean size, relative deviation and distribution reached from `population`.
 
     A draw in which sizes grow without end counts as that, sizes inf: it belongs to what a table leaves open.
     """
 
-    def output(balance):
+    def output(balance: PopulationBalance) -> dict[str, np.ndarray | float]:
         try:
             n = steady_state(balance, population * volume_fraction_scale, guess=guess).population
         except NotReachedError:
@@ -116,13 +117,15 @@ def steady_summary(balance: PopulationBalance, n: np.ndarray) -> dict[str, np.nd
     }
 
 
-def course_output(population: np.ndarray, times: np.ndarray, share_from: float | None = None, **options):
+def course_output(
+    population: np.ndarray, times: np.ndarray, share_from: float | None = None, **options: Any
+) -> Callable[[PopulationBalance], dict[str, np.ndarray]]:
     """An output for `draws_of`: <P>, sigma_P and d32 at the given times.
 
     share_from : [s], adds the number share of each size, averaged over the times from there on
     """
 
-    def output(balance):
+    def output(balance: PopulationBalance) -> dict[str, np.ndarray]:
         n = np.maximum(integrate(balance, population, times, **options)[:, : balance.cells], 0.0)
         grid, total = balance.grid, n.sum(axis=1)
         mean = n @ grid.mass / total
@@ -264,16 +267,17 @@ def variance_shares(estimated: EstimatedRates, steady: SteadyState, gradient: np
     return VarianceShares(of_pair, of_law, flux, estimated)
 
 
-def _slot_values(balance, value) -> np.ndarray:
+def _slot_values(balance: PopulationBalance, value: np.ndarray) -> np.ndarray:
     """(variants, S) value of a product of each size, by the variant of its shape."""
     g = balance.arrays.geometry
     return np.stack([np.bincount(g.size_of_cell, share * value) for share in g.share])
 
 
-def _values(balance, value) -> np.ndarray:
+def _values(balance: PopulationBalance, value: np.ndarray) -> np.ndarray:
     """(3, K, K) change of the output per event: survive, join, scatter."""
     arrays, cells = balance.arrays, balance.cells
     g, enc = arrays.geometry, arrays.encounters
+    assert enc is not None, "a table's balance has encounters"
     slot = np.zeros((len(g.share), balance.grid.sizes + g.tail))
     slot[:, : balance.grid.sizes] = _slot_values(balance, value)
     made = enc.products
@@ -303,7 +307,9 @@ def _values(balance, value) -> np.ndarray:
     return out
 
 
-def _fragment_slopes(estimated, balance, value, met, p) -> np.ndarray:
+def _fragment_slopes(
+    estimated: EstimatedRates, balance: PopulationBalance, value: np.ndarray, met: np.ndarray, p: np.ndarray
+) -> np.ndarray:
     """(scattered encounters,) change of the output with the weight of each, through what others' fragments become."""
     if estimated.scattered.size == 0:
         return np.zeros(0)
@@ -320,6 +326,7 @@ def _fragment_slopes(estimated, balance, value, met, p) -> np.ndarray:
     )
     flux[same] = inner
     g, enc = balance.arrays.geometry, balance.arrays.encounters
+    assert enc is not None, "a table's balance has encounters"
     variant = enc.products.slot[enc.products.row[enc.row[1, -1]]] // (grid.sizes + g.tail)
     slot = np.append(_slot_values(balance, value)[variant], [0.0, 0.0])
     near, fragments = estimated._fragment_norm, estimated._fragments
@@ -329,7 +336,7 @@ def _fragment_slopes(estimated, balance, value, met, p) -> np.ndarray:
     return per_event - near.T @ (flux / norm * mean)
 
 
-def _law_variance(estimated, output) -> float:
+def _law_variance(estimated: EstimatedRates, output: Callable[[LogisticLaw], float]) -> float:
     """Variance of `output(law)` through the law's coefficients, to first order."""
     law = estimated.law
     flat = law.coefficients.ravel()

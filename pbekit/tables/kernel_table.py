@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from pbekit.errors import PBEError
 from pbekit.outputs import FILES, TABLE
@@ -83,7 +84,7 @@ class Records:
     product_outer_radius: np.ndarray
     product_radius_of_gyration: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         integer = ("size", "outcome", "source", "solves", "products", "product_size", "product_from_first")
         for f in fields(self):
             value = np.asarray(getattr(self, f.name))
@@ -177,7 +178,14 @@ class Records:
         return found
 
 
-def _coordinate(name, radius, size, aspect_ratio, outer_radius, radius_of_gyration):
+def _coordinate(
+    name: str,
+    radius: float,
+    size: np.ndarray,
+    aspect_ratio: np.ndarray,
+    outer_radius: np.ndarray,
+    radius_of_gyration: np.ndarray,
+) -> np.ndarray:
     if name not in SHAPES:
         raise PBEError(f"shape: got {name!r}, expected one of {', '.join(SHAPES)}")
     if name == "aspect ratio":
@@ -249,8 +257,8 @@ class KernelTable:
         radius: float,
         shear_rate: float,
         *,
-        size_edges=None,
-        shape_edges="quantiles",
+        size_edges: ArrayLike | None = None,
+        shape_edges: ArrayLike | None = "quantiles",
         shapes: int = 3,
         shape_name: str = "aspect ratio",
         about: Mapping[str, Any] | None = None,
@@ -309,13 +317,13 @@ class KernelTable:
     def classes(self) -> int:
         return int(self._first_class[-1])
 
-    def size_class(self, size) -> np.ndarray:
+    def size_class(self, size: ArrayLike) -> np.ndarray:
         """Index of the size class; sizes beyond the last belong to the last."""
         return np.clip(
             np.searchsorted(self.size_edges, np.asarray(size), side="right") - 1, 0, self.sizes - 1
         )
 
-    def shape_class(self, shape) -> np.ndarray:
+    def shape_class(self, shape: ArrayLike) -> np.ndarray:
         if self.shape_edges is None:
             return np.zeros(np.shape(shape), np.int64)
         # In the precision in which shapes are stored, so that one on an edge stays in its class.
@@ -324,7 +332,7 @@ class KernelTable:
             inner, np.nan_to_num(np.asarray(shape, np.float32), nan=inner[0] - 1), side="right"
         )
 
-    def class_of(self, size, shape) -> np.ndarray:
+    def class_of(self, size: ArrayLike, shape: ArrayLike) -> np.ndarray:
         """Class of an aggregate: size class and, from three primaries on, shape class."""
         s = self.size_class(size)
         several = np.diff(self._first_class)[s] > 1

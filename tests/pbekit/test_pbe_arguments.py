@@ -34,7 +34,7 @@ from pbekit.commands.main import app
 from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
 from pbekit.estimated_rates.stress_interpolation import common_grid, interpolate
 from pbekit.solution.finite_population import population_course
-from pbekit.study import solve_table
+from pbekit.study.solve_table import solve_table
 from pbekit.study.uncertainty import band, draws_of
 from pbekit.tables.kernel_table import KernelTable
 

@@ -31,7 +31,7 @@ from pbekit.balance.breakage import (
     Uniform,
 )
 from pbekit.balance.kernels import Constant, FractalRadius, Product, ShearEncounter, Sum
-from pbekit.solution import solve
+from pbekit.solution.solve import solve
 
 CLOSED = 1e-13  # mass, relative to the mass that moves
 SHARE = np.array([0.5, 0.3, 0.2])
@@ -357,8 +357,12 @@ def test_wrong_arrays_and_choices_are_refused():
         PopulationBalance(grid, [Aggregation(ShearEncounter(1.0))])
     with pytest.raises(PBEError, match="several shapes"):
         PopulationBalance(grid.with_shapes([1, 2, 3]), [Aggregation(1.0)])
+    pair = TwoComponentGrid.primaries(2, 2)
     with pytest.raises(PBEError, match="fixed pivot"):
-        PopulationBalance(TwoComponentGrid.primaries(2, 2), [Aggregation(1.0)], "cell average")
+        PopulationBalance(pair, [Aggregation(1.0)], "cell average")
+    for shape in (np.ones(1), ShapeMemory(np.ones((1, pair.cells)), np.zeros(1, int))):
+        with pytest.raises(PBEError, match="two-component grid has no shapes"):
+            PopulationBalance(pair, [Aggregation(1.0, shape)])
 
 
 def test_a_user_brings_a_function_or_arrays():

@@ -74,7 +74,7 @@ def trajectory(x0, y0, z0=-10.0, leave=10.0, duration=400.0, force=lambda gap: 0
         return r[2] - leave
 
     for event in (meet, pass_by):
-        event.terminal = True  # type: ignore[attr-defined]
+        event.terminal = True  # type: ignore[attr-defined]  # what scipy looks for
     solution = solve_ivp(
         lambda _, r: relative_velocity(r, force),
         (0.0, duration),
@@ -134,7 +134,7 @@ def meets_in_extension(height: float, start: float, force) -> bool:
         return place[0] - 4.0 if np.cos(place[1]) ** 2 > 1.0 / 3.0 else -1.0
 
     for event in (meet, part):
-        event.terminal = True  # type: ignore[attr-defined]
+        event.terminal = True  # type: ignore[attr-defined]  # what scipy looks for
     solution = solve_ivp(
         velocity,
         (0.0, 200.0),

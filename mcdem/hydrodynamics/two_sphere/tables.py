@@ -85,7 +85,10 @@ def _difference_orders(ratio: float) -> dict[str, np.ndarray]:
 
 
 def resistance_matrix(
-    direction: np.ndarray, gap: float, ratio: float = 1.0, functions: Callable = exact
+    direction: np.ndarray,
+    gap: float,
+    ratio: float = 1.0,
+    functions: Callable[[float, float], dict[str, np.ndarray]] = exact,
 ) -> np.ndarray:
     """(22, 22) symmetric resistance of one pair: (F1 F2 T1 T2 S1 S2) from (U1-u U2-u Omega1-w Omega2-w -E1 -E2).
 

@@ -36,6 +36,11 @@ P1, Q1, P2 = range(3)
 """The moments that are forces, torques and stresslets, and equally the unit motions that start the reflections:
 translation, rotation and strain."""
 
+Coefficients = tuple[float, float, float]
+"""Of 1/xi, ln 1/xi and xi ln 1/xi."""
+Singular = tuple[Coefficients, Coefficients]
+"""Those of the 11 and of the 12 function."""
+
 
 class Function(NamedTuple):
     """One of the eleven resistance functions: its place in the recursion and its singular parts."""
@@ -52,7 +57,7 @@ class Function(NamedTuple):
     """The power of its radius with which a single sphere's resistance grows."""
     sign_other: int
     """Sign of the 12 function relative to the sum over moments."""
-    singular: Callable[[float], tuple[tuple[float, float, float], tuple[float, float, float]]]
+    singular: Callable[[float], Singular]
     """lam -> coefficients of (1/xi, ln 1/xi, xi ln 1/xi) of the 11 and of the 12 function (without sign_other)."""
 
     @property
@@ -61,7 +66,7 @@ class Function(NamedTuple):
         return int((self.motion == P1) != (self.moment == P1))
 
 
-def _xa(lam: float):
+def _xa(lam: float) -> Singular:
     # Townsend (10)-(12).
     g1 = 2 * lam**2
     g2 = lam * (1 + 7 * lam + lam**2) / 5
@@ -69,27 +74,27 @@ def _xa(lam: float):
     return _over_cube(lam, (g1, g2, g3), (g1, g2, g3))
 
 
-def _ya(lam: float):
+def _ya(lam: float) -> Singular:
     # JO (4.16).
     g2 = 4 * lam * (2 + lam + 2 * lam**2) / 15
     g3 = 2 * (16 - 45 * lam + 58 * lam**2 - 45 * lam**3 + 16 * lam**4) / 375
     return _over_cube(lam, (0, g2, g3), (0, g2, g3))
 
 
-def _yb(lam: float):
+def _yb(lam: float) -> Singular:
     # JO (5.6).
     g2 = -lam * (4 + lam) / 5 * (1 + lam)
     g3 = -(32 - 33 * lam + 83 * lam**2 + 43 * lam**3) / 250 * (1 + lam)
     return _over_cube(lam, (0, g2, g3), (0, g2, g3))
 
 
-def _xc(lam: float):
+def _xc(lam: float) -> Singular:
     # Townsend (26), (27).
     g3 = lam**2 / 4 * (1 + lam) ** 2
     return _over_cube(lam, (0, 0, -g3), (0, 0, g3))
 
 
-def _yc(lam: float):
+def _yc(lam: float) -> Singular:
     # JO (7.10); g5 corrected, Townsend (30).  The 12 coefficients carry (1 + lam)^3/8 as all others of odd order do.
     square = (1 + lam) ** 2
     g2 = 2 * lam / 5 * square
@@ -99,7 +104,7 @@ def _yc(lam: float):
     return _over_cube(lam, (0, g2, g3), (0, g4, g5))
 
 
-def _xg(lam: float):
+def _xg(lam: float) -> Singular:
     # J (19b).
     g1 = 3 * lam**2
     g2 = 3 * lam * (1 + 12 * lam - 4 * lam**2) / 10
@@ -107,14 +112,14 @@ def _xg(lam: float):
     return _over_cube(lam, (g1, g2, g3), (g1, g2, g3))
 
 
-def _yg(lam: float):
+def _yg(lam: float) -> Singular:
     # J (27b).
     g2 = lam * (4 - lam + 7 * lam**2) / 10
     g3 = (32 - 179 * lam + 532 * lam**2 - 356 * lam**3 + 221 * lam**4) / 500
     return _over_cube(lam, (0, g2, g3), (0, g2, g3))
 
 
-def _yh(lam: float):
+def _yh(lam: float) -> Singular:
     # J (35b).
     g2 = lam * (2 - lam) / 10 * (1 + lam)
     g3 = (16 - 61 * lam + 180 * lam**2 + 2 * lam**3) / 500 * (1 + lam)
@@ -123,7 +128,7 @@ def _yh(lam: float):
     return _over_cube(lam, (0, g2, g3), (0, g5, g6))
 
 
-def _xm(lam: float):
+def _xm(lam: float) -> Singular:
     # J (48b).
     g1 = 6 * lam**2 / 5
     g2 = 3 * lam * (1 + 17 * lam - 9 * lam**2) / 25
@@ -134,7 +139,7 @@ def _xm(lam: float):
     return _over_cube(lam, (g1, g2, g3), (g4, g5, g6))
 
 
-def _ym(lam: float):
+def _ym(lam: float) -> Singular:
     # J (64b).
     g2 = 6 * lam * (1 - lam + 4 * lam**2) / 25
     g3 = (24 - 201 * lam + 882 * lam**2 - 1182 * lam**3 + 591 * lam**4) / 625
@@ -144,15 +149,16 @@ def _ym(lam: float):
     return _over_cube(lam, (0, g2, g3), (0, g5, g6))
 
 
-def _zm(lam: float):
+def _zm(lam: float) -> Singular:
     # J (79b).
     g3 = -3 * (lam**2 + lam**4) / 10
     return _over_cube(lam, (0, 0, g3), (0, 0, -g3))
 
 
-def _over_cube(lam: float, same: tuple, other: tuple):
+def _over_cube(lam: float, same: Coefficients, other: Coefficients) -> Singular:
     cube = (1 + lam) ** 3
-    return tuple(g / cube for g in same), tuple(g / cube for g in other)
+    (a, b, c), (d, e, f) = same, other
+    return (a / cube, b / cube, c / cube), (d / cube, e / cube, f / cube)
 
 
 # The papers scale A by 6 pi mu a, B and G by 4 pi mu a^2, C and H by 8 pi mu a^3, M by 20 pi mu a^3/3, a = (a_a + a_b)/2.

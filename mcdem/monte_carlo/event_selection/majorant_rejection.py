@@ -48,7 +48,14 @@ def capacity_for(members: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 @njit(cache=True)
-def accepted(first, second, reach, radius, start, found):
+def accepted(
+    first: NDArray[np.int64],
+    second: NDArray[np.int64],
+    reach: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    start: int,
+    found: NDArray[np.int64],
+) -> int:
     """Fill `found` with the indices from `start` on of proposals that are encounters; returns how many.
 
     first, second : (n,) slots; reach : (n,) sum of outer radii from which on the proposal is an encounter [m];
