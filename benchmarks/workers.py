@@ -26,7 +26,7 @@ import xarray as xr
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.encounter.simulate import simulate_encounter
 from mcdem.monte_carlo import executors, run_control
-from mcdem.netcdf.comparison import differences
+from mcdem.monte_carlo.comparison import differences
 from mcdem.scene import Scene
 
 

@@ -24,11 +24,11 @@ from mcdem.analysis.dimensionless_groups import check
 from mcdem.encounter.simulate import simulate_encounter
 from mcdem.errors import UserError
 from mcdem.monte_carlo import executors, run_control
+from mcdem.monte_carlo.comparison import differences
 from mcdem.monte_carlo.executors import EngineError, Here
 from mcdem.monte_carlo.expected_output import MOST_UNCHANGED, output_of
 from mcdem.monte_carlo.process import multiples
 from mcdem.monte_carlo.sweep import sweep
-from mcdem.netcdf.comparison import differences
 from pbekit import endings
 from pbekit.commands.main import app
 from pbekit.tables.kernel_table import KernelTable

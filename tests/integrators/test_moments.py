@@ -17,8 +17,8 @@ from mcdem.encounter.simulate import physics_of, springs_of
 from mcdem.errors import SceneError
 from mcdem.hydrodynamics.grand_mobility import tensor_to_five
 from mcdem.hydrodynamics.undisturbed_flow import UndisturbedFlow
+from mcdem.monte_carlo.comparison import identical
 from mcdem.monte_carlo.run_control import run
-from mcdem.netcdf.comparison import identical
 from mcdem.rigid_aggregates.statics import present_load, worst_load
 
 MONOMER = mcdem.Aggregate.monomer()

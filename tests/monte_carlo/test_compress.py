@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 from mcdem.analysis.dataset import RunDataset
 from mcdem.commands.main import app
 from mcdem.errors import DataFileError, UserError
+from mcdem.monte_carlo.comparison import differences
 from mcdem.monte_carlo.compress import DIGITS, OF_EVENTS, OF_MISSES, POSITION, compress, rounded
 from mcdem.monte_carlo.record import event_columns, opened
 from mcdem.monte_carlo.run_control import run
 from mcdem.netcdf.compact_events import compacted, expanded, replaced
-from mcdem.netcdf.comparison import differences
 from mcdem.netcdf.whole_files import FILES
 
 SCENE = synthetic.scene(population__initial=40, run__snapshot_every="50 ms")

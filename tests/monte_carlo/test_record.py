@@ -18,9 +18,9 @@ import xarray as xr
 from mcdem.analysis.dataset import RunDataset
 from mcdem.encounter.simulate import OUTCOMES
 from mcdem.errors import DataFileError, UserError
+from mcdem.monte_carlo.comparison import differences, identical
 from mcdem.monte_carlo.record import TIMING
 from mcdem.monte_carlo.run_control import run
-from mcdem.netcdf.comparison import differences, identical
 from mcdem.netcdf.whole_files import FILES
 from pbekit.errors import PBEError
 from pbekit.files import seal

@@ -24,9 +24,9 @@ import xarray as xr
 from mcdem.analysis.dataset import RunDataset
 from mcdem.errors import UserError
 from mcdem.monte_carlo import run_control
+from mcdem.monte_carlo.comparison import differences
 from mcdem.monte_carlo.process import Process
 from mcdem.monte_carlo.speculative_execution import BEGUN, PASSED, UNTOUCHED, SpeculativeExecution, ready
-from mcdem.netcdf.comparison import differences
 from mcdem.quantities.random_streams import stream
 from mcdem.scene import load_scene
 

@@ -17,8 +17,8 @@ import xarray as xr
 
 from mcdem.errors import UserError
 from mcdem.monte_carlo import run_control
+from mcdem.monte_carlo.comparison import differences
 from mcdem.monte_carlo.sweep import members, parse_setting, parse_settings, replaced, sweep
-from mcdem.netcdf.comparison import differences
 
 SETTINGS = {"flow.viscosity": ["75 mPa s", "100 mPa s"], "population.initial": ["30", "50"]}
 SCRIPT = Path(__file__).parents[1] / "helpers" / "run_synthetic_sweep.py"
