@@ -30,20 +30,54 @@ def _source(module: str) -> Path | None:
     return next((p for p in (path.with_suffix(".py"), path / "__init__.py") if p.is_file()), None)
 
 
+def _module(module: str, name: str) -> str:
+    """Where a name that a package shows lies: in a module of its own, where its stub says, or in the package itself."""
+    inner = f"{module}.{name}"
+    if _source(inner):
+        return inner
+    shown = _shown(module)
+    return _module(*shown[name]) if name in shown else module
+
+
+@cache
+def _shown(package: str) -> dict[str, tuple[str, str]]:
+    """{name that the stub of a package shows: (module, name there)}; packages load these when they are first used."""
+    path = _source(package)
+    stub = path.with_suffix(".pyi") if path is not None else None
+    if path is None or stub is None or not stub.is_file():
+        return {}
+    return {
+        alias.asname or alias.name: (
+            f"{package}.{node.module}" if node.level else str(node.module),
+            alias.name,
+        )
+        for node in ast.parse(stub.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ImportFrom) and node.module
+        for alias in node.names
+    }
+
+
 @cache
 def _named(path: Path) -> frozenset[str]:
-    """Modules of this project that a file names in its imports, inside functions too."""
+    """Modules of this project that a file names in its imports, inside functions too, and by names of packages."""
     package = path.relative_to(ROOT).parent.parts
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    found: set[str] = set()
+    packages: dict[str, str] = {}
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
+            packages |= {alias.asname or alias.name: alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             start = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
             module = ".".join(part for part in (start, node.module) if part)
             for alias in node.names:
-                inner = f"{module}.{alias.name}"
-                found.add(inner if _source(inner) else module)
+                found.add(_module(module, alias.name))
+                if alias.name != "*":
+                    packages[alias.asname or alias.name] = f"{module}.{alias.name}"
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in packages:
+            found.add(_module(packages[node.value.id], node.attr))
     return frozenset(name for name in found if _source(name) and name not in WITHOUT_NUMBERS)
 
 

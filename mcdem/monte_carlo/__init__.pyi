@@ -1,3 +1,5 @@
+from .comparison import differences as differences
+from .comparison import identical as identical
 from .compress import compress as compress
 from .population import SamplePopulation as SamplePopulation
 from .run_control import RunProgress as RunProgress

@@ -2,7 +2,7 @@
 
 What it takes to go on bit for bit (the last snapshot and the checkpoint), every whole number, flag and identity, and the
 parents that were kept stay as they are.  Measured reals of the history are rounded to `DIGITS` significant bits or fewer, far
-below their statistical errors; snapshots on the way are fewer; what the log of encounters tells twice is told once
+below their statistical errors; snapshots on the way are fewer; what the log of encounters holds twice is stored once
 (`mcdem.netcdf.compact_events`); everything is compressed.
 """
 

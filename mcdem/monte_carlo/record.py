@@ -13,7 +13,7 @@ The attribute `history` has a line for each call of `run` that computed a part: 
 
 The file is always whole: it is made in memory, written beside its place, and moved there in one step.  It ends in a
 checksum of all its bytes (`pbekit.files`).  The geometry of the last snapshot is the state from which a run is resumed.
-`mcdem compress` writes layout 2, in which /events alone is told in fewer bytes; `event_columns` reads either.
+`mcdem compress` writes layout 2, in which /events alone takes fewer bytes; `event_columns` reads either.
 """
 
 from __future__ import annotations

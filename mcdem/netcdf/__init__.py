@@ -1,5 +1,1 @@
-"""Datasets on disk: whole at every moment, and compared bit by bit."""
-
-import lazy_loader as lazy
-
-__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)
+"""Datasets on disk: whole at every moment, and the log of encounters in few bytes."""

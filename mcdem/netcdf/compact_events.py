@@ -1,9 +1,9 @@
 """The event log of a run in few bytes, and back bit for bit.
 
 Most encounters of a run miss: both parents go on as they were, so a log that names the shape of each parent and of each
-product tells the same four times.  Here a column of shape is told at an appearance of an aggregate (as parent, then as
-product) only where it differs from the appearance before; a product's serial number is told as the parent that it is, or as
-a step beyond the newest; counters are told as steps.  Moments are those of the series.  Nothing is rounded here.
+product holds the same four times.  Here a column of shape is stored at an appearance of an aggregate (as parent, then as
+product) only where it differs from the appearance before; a product's serial number is stored as the parent that it is, or as
+a step beyond the newest; counters are stored as steps.  Moments are those of the series.  Nothing is rounded here.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def compacted(columns: Mapping[str, NDArray[Any]]) -> Stored:
 
 
 def replaced(columns: Mapping[str, Any]) -> set[str]:
-    """Names of the columns that `compacted` tells in another way."""
+    """Names of the columns that `compacted` stores in another form."""
     shapes = {f"{of}_{name}" for of in ("parent", "product") for name in _present(columns)}
     return {"time", "product_serial", "product_from_first", "stream_number", "steps"} | shapes
 

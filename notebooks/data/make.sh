@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Makes the data of the notebooks: runs of the paper's suspension, compressed, and what is derived from them.
 #
-#     bash notebooks/data/make.sh WORK [STEP...]        steps: runs switches tables sensitivity paper_scheme; all by default
+#     bash notebooks/data/make.sh WORK [STEP...]        steps: runs changed tables sensitivity paper_scheme; all by default
 #
 # Whole runs and tables go to the folder WORK and are continued from there, so it may be stopped at any time and called again;
 # results go to WORK/data. Two runs at a time need about four hours in all; JOBS=8 makes it eight at a time.
@@ -10,7 +10,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 scenes=$(cd "$here/../../scenes" && pwd)
 work=${1:?where the whole runs go}
 shift
-all='runs switches tables sensitivity paper_scheme'
+all='runs changed tables sensitivity paper_scheme'
 steps=${*:-$all}
 for step in $steps; do
     [[ " $all " == *" $step "* ]] || { echo "no step $step; expected some of: $all" >&2; exit 2; }
@@ -30,7 +30,7 @@ run-1250Pa 1250 200 1 150
 run-1500Pa-of-100 1500 100 1 200
 '
 # name, the key of the scene that is switched (a sed expression)
-switches='
+changed='
 as-given s/^$//
 frozen-shapes s/^doubling_below/restructuring=false\n&/
 cutoff-1e-2 s/^lubrication_cutoff.*/lubrication_cutoff=1e-2/
@@ -53,13 +53,13 @@ if [[ $steps == *runs* ]]; then
     done
 fi
 
-if [[ $steps == *switches* ]]; then
-    grep . <<<"$switches" | while read -r name change; do
+if [[ $steps == *changed* ]]; then
+    grep . <<<"$changed" | while read -r name change; do
         sed -e "s/^initial = .*/initial = 60/" -e "$change" "$scenes/paper-1000Pa.toml" >"$name.toml"
         echo "$name.toml $name.nc 1 60"
     done | xargs -P "${JOBS:-2}" -L 1 bash -c 'follow "$@"' follow
-    python "$here/../../benchmarks/switches.py" {as-given,cutoff-1e-2,cutoff-2e-3,frozen-shapes,rotations-32}.nc \
-        run-1000Pa.nc run-1000Pa-of-100-seed-2.nc --between 36 60 -o data/switches-1000Pa.csv
+    python "$here/../../benchmarks/late_populations.py" {as-given,cutoff-1e-2,cutoff-2e-3,frozen-shapes,rotations-32}.nc \
+        run-1000Pa.nc run-1000Pa-of-100-seed-2.nc --between 36 60 -o data/changed-1000Pa.csv
 fi
 
 cd data

@@ -17,6 +17,7 @@ import pbe_synthetic
 import pytest
 import synthetic
 import xarray as xr
+from child_signals import as_in_a_terminal
 from typer.testing import CliRunner
 
 from mcdem.analysis.dataset import RunDataset
@@ -54,6 +55,7 @@ def started(*command: str | Path) -> subprocess.Popen[str]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=as_in_a_terminal,
     )
 
 

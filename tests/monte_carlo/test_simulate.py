@@ -20,6 +20,7 @@ import psutil
 import pytest
 import synthetic
 import xarray as xr
+from child_signals import as_in_a_terminal
 
 from mcdem.analysis.dataset import RunDataset
 from mcdem.errors import UserError
@@ -274,6 +275,7 @@ def start(path: Path, *options: str) -> subprocess.Popen[str]:
         env=environment,
         stdout=subprocess.PIPE,
         text=True,
+        preexec_fn=as_in_a_terminal,
     )
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import synthetic
 import xarray as xr
+from child_signals import as_in_a_terminal
 
 from mcdem.errors import UserError
 from mcdem.monte_carlo import run_control
@@ -181,6 +182,7 @@ def start(folder: Path, workers: int, encounter: str) -> subprocess.Popen[str]:
         env=os.environ | {"PYTHONPATH": paths},
         stdout=subprocess.PIPE,
         text=True,
+        preexec_fn=as_in_a_terminal,
     )
 
 

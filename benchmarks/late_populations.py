@@ -1,6 +1,6 @@
-"""Late populations of whole runs side by side, for `notebooks/data/switches-1000Pa.csv`.
+"""Late populations of whole runs side by side, for `notebooks/data/changed-1000Pa.csv`.
 
-    python benchmarks/switches.py RUN.nc... --between 36 60 -o TABLE.csv
+    python benchmarks/late_populations.py RUN.nc... --between 36 60 -o TABLE.csv
 
 Each run is averaged over the same stretch of process time; limits are those of 95 %, by blocks of time.
 """

@@ -1,2 +1,0 @@
-from .comparison import differences as differences
-from .comparison import identical as identical
