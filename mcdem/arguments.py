@@ -53,10 +53,15 @@ def real_number(name: str, given: object, least: float, most: float) -> float:
     return float(given)
 
 
-def offset_at_door(scene: Scene, offset: object, reach: float) -> tuple[float, float]:
-    """Two lengths [m] given as an offset, within the distance from which aggregates of summed radii `reach` [m] start.
+FAR = 1000.0
+"""Largest offset of two aggregates [sum of their radii]."""
 
-    Raises `UserError`.
+
+def offset_at_door(scene: Scene, offset: object, reach: float) -> tuple[float, float]:
+    """Two lengths [m] given as an offset of aggregates of summed radii `reach` [m], a thousand of these at most.
+
+    One that passes at a hundred radii leaves the other alone in the flow; a number in radii or micrometres is refused.  Raises
+    `UserError`.
     """
     try:
         pair: tuple[Any, ...] = tuple(offset)  # type: ignore[arg-type]  # fails if it is no pair
@@ -65,11 +70,11 @@ def offset_at_door(scene: Scene, offset: object, reach: float) -> tuple[float, f
     if len(pair) != 2 or isinstance(offset, str):
         raise UserError(f"offset = {shown(offset)}: expected two lengths, numbers in metres or with units")
     x0, y0 = (si(f"offset[{k}]", one, LENGTH) for k, one in enumerate(pair))
-    limit = max(scene.numerics.start_distance, 2.0) * reach
+    limit = max(scene.numerics.start_distance, FAR) * reach
     if x0 * x0 + y0 * y0 > limit * limit:
         raise UserError(
-            f"offset: ({x0:g}, {y0:g}) m, expected within {limit:.4g} m, the distance from which aggregates of summed radii "
-            f"{reach:.4g} m start: beyond it they do not meet (is the offset in metres?)"
+            f"offset: ({x0:g}, {y0:g}) m, expected within {limit:.4g} m, a thousand times the summed radii of the "
+            "aggregates (is the offset in metres?)"
         )
     return x0, y0
 

@@ -1,10 +1,9 @@
 """Runs that must give the same bits after a change that is not one of the physics.
 
-    python -m validation.unchanged          compares with what was saved, variable by variable
-    python -m validation.unchanged --save   saves what the runs give now: after a change of arithmetic, with its reason
+    python -m validation.unchanged FILE      writes FILE where it is not there yet, else compares with it, variable by variable
 
-The course of an aggregate is chaotic, so bits are the same on one type of processor, with the same versions of numba and of the
-linear algebra, only; elsewhere the shares of outcomes are compared.
+Write the file at the commit before the change and compare after it, on one machine: the course of an aggregate is chaotic, so
+bits agree on one type of processor, with the same versions of numba and of the linear algebra, only.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ import numpy as np
 import mcdem
 from mcdem.netcdf.origin import machine
 
-KEPT = Path(__file__).parent / "data" / "unchanged.json"
 SCENES = Path(__file__).parents[1] / "scenes"
 NOT_COMPARED = ("cpu_time",)
 """Variables that no two runs have in common."""
@@ -69,58 +67,47 @@ def digests(path: Path) -> dict[str, str]:
     return found
 
 
-def outcomes(path: Path) -> dict[str, int]:
-    """Encounters by the code of their outcome."""
-    with netCDF4.Dataset(path) as file:
-        codes, counts = np.unique(np.asarray(file["events/outcome"][...]), return_counts=True)
-    return {str(code): int(count) for code, count in zip(codes, counts, strict=True)}
-
-
-def measure(names: list[str]) -> dict[str, Any]:
+def measure(names: list[str]) -> dict[str, dict[str, str]]:
     """What the runs give here."""
-    found: dict[str, Any] = {}
+    found: dict[str, dict[str, str]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for name in names:
             path = Path(folder) / f"{CASES[name].scene}.nc"
             follow(CASES[name], path)
-            found[name] = {"digests": digests(path), "outcomes": outcomes(path)}
+            found[name] = digests(path)
     return found
 
 
-def compare(saved: dict[str, Any], found: dict[str, Any], same_machine: bool) -> list[str]:
-    """What differs, a line each."""
+def compare(saved: dict[str, dict[str, str]], found: dict[str, dict[str, str]]) -> list[str]:
+    """What differs, a line for each run."""
     lines = []
     for name, now in found.items():
-        before = saved[name]
-        if same_machine:
-            differ = [v for v, digest in before["digests"].items() if now["digests"].get(v) != digest]
-            if differ:
-                lines.append(
-                    f"{name}: {len(differ)} of {len(before['digests'])} variables differ: {', '.join(differ[:5])}"
-                )
-        elif before["outcomes"] != now["outcomes"]:
-            lines.append(f"{name}: outcomes {now['outcomes']}, saved {before['outcomes']}")
+        before = saved.get(name, {})
+        differ = sorted(v for v in before.keys() | now.keys() if before.get(v) != now.get(v))
+        if differ:
+            lines.append(f"{name}: {len(differ)} of {len(now)} variables differ: {', '.join(differ[:5])}")
     return lines
 
 
 def main() -> int:
-    """Run, compare or save; the exit status."""
+    """Run, then compare or save; the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("cases", nargs="*", choices=[*CASES, []], help="all by default")
-    parser.add_argument("--save", action="store_true", help="keep what the runs give now")
+    parser.add_argument("file", type=Path, metavar="FILE", help="JSON; written where it is not there yet")
     asked = parser.parse_args()
-    names = list(asked.cases or CASES)
-    found = measure(names)
-    if asked.save:
-        saved = json.loads(KEPT.read_text())["runs"] if KEPT.exists() else {}
-        KEPT.write_text(json.dumps({"machine": machine(), "runs": saved | found}, indent=1) + "\n")
+    kept = json.loads(asked.file.read_text()) if asked.file.exists() else None
+    if kept is not None and kept["machine"] != machine():
+        print(
+            f"{asked.file}: of {kept['machine']}, here {machine()}: bits agree on one machine only; write another FILE here, "
+            "at the commit before the change",
+            file=sys.stderr,
+        )
+        return 2
+    found = measure(list(CASES))
+    if kept is None:
+        asked.file.write_text(json.dumps({"machine": machine(), "runs": found}, indent=1) + "\n")
         return 0
-    kept = json.loads(KEPT.read_text())
-    same = kept["machine"] == machine()
-    if not same:
-        print(f"saved on {kept['machine']}, here {machine()}: outcomes are compared, not bits")
-    lines = compare(kept["runs"], found, same)
-    print("\n".join(lines) or f"{len(names)} runs: {'the same bits' if same else 'the same outcomes'}")
+    lines = compare(kept["runs"], found)
+    print("\n".join(lines) or f"{len(found)} runs, {sum(map(len, found.values()))} variables: the same bits")
     return 1 if lines else 0
 
 

@@ -26,7 +26,7 @@ def measure(context: Context):
     from mcdem.effects import jkr as contact
     from mcdem.effects import van_der_waals as attraction
     from mcdem.encounter.capture_efficiency import attraction_number, initial_growth, van_de_ven_mason
-    from mcdem.monte_carlo.event_selection import encounter_rate
+    from mcdem.monte_carlo.event_selection.contract import encounter_rate
     from mcdem.monte_carlo.population import SamplePopulation
 
     found = {}

@@ -52,7 +52,9 @@ def judge(context: Context, numbers):
     eq20 = ratios(rows, "snap_in", "paper") / ratios(rows, "snap_in", "euler")
     checks.append(near("Eq. 20 over plain Euler, snap-in: largest", eq20.max(), 1.0, abs=0.1))
     implicit = min(in_strain(row, "largest_step") for row in stability_map.of(rows, scheme="implicit"))
-    checks.append(above("implicit: least of its largest steps", implicit, Numerics().max_step, unit="1/g"))
+    checks.append(
+        above("implicit: least of its largest steps", implicit, Numerics().implicit.max_step, unit="1/g")
+    )
     known = {key(row): row["largest_step"] for row in numbers["kept"]}
     apart = max(
         abs(np.log(row["largest_step"] / known[key(row)])) if row["largest_step"] else np.inf
