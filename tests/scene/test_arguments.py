@@ -117,7 +117,7 @@ def follow(**options):
 
 REFUSED = {
     "a path for a scene": (lambda: follow(scene=str(PAPER)), r"scene = .*expected a Scene, as mcdem.load_scene"),
-    "an offset of 250 m": (lambda: follow(offset=(0, 250)), r"offset: \(0, 250\) m, expected within 5e-06 m"),
+    "an offset of 250 m": (lambda: follow(offset=(0, 250)), r"offset: \(0, 250\) m, expected within 0.001 m"),
     "three offsets": (lambda: follow(offset=(0, 1e-7, 0)), "offset = .*: expected two lengths"),
     "one offset": (lambda: follow(offset=1e-7), "offset = .*: expected two lengths"),
     "text as an offset": (lambda: follow(offset="0 nm 1 nm"), "offset = .*: expected two lengths"),
@@ -372,7 +372,7 @@ def test_ways_to_write_a_surface_energy(text):
 OPTIONS = {
     "encounter SCENE --first " + "9" * 5000: "--first 99999",
     "encounter SCENE --first 0": "--first 0: expected 1 to 1000 primaries",
-    "encounter SCENE --offset 0nm 250m": "offset: (0, 250) m, expected within 5e-06 m",
+    "encounter SCENE --offset 0nm 250m": "offset: (0, 250) m, expected within 0.001 m",
     "encounter SCENE --offset 0 1nm": '--offset "0" has no unit',
     "encounter SCENE --every nan": "--every",
     "encounter SCENE --seed -1": "--seed",
