@@ -320,7 +320,8 @@ class _Sweep:
         for future, k in futures.items():
             if self._members[k].state == "running":
                 if future.done() and not future.cancelled():
-                    with contextlib.suppress(EngineError):
+                    # A member that was asked before its dataset was opened hands its own interruption back.
+                    with contextlib.suppress(EngineError, KeyboardInterrupt):
                         self._settle(k, future)
                         continue
                 self._members[k] = replace(self._members[k], state="waiting")

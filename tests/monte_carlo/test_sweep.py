@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -201,6 +201,21 @@ def test_asked_to_stop_every_member_keeps_what_it_has(tmp_path, number):
     for row in index(tmp_path):
         if row["state"] == "interrupted":
             assert xr.open_dataset(tmp_path / row["file"]).sizes["row"] == int(row["events"]) + 1
+
+
+class AskedTooEarly(Executor):
+    """Every member is asked to stop before its dataset is opened."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        future.set_exception(KeyboardInterrupt())
+        return future
+
+
+def test_members_asked_before_they_began_wait(tmp_path):
+    found = sweep(synthetic.scene(), tmp_path, {}, replicas=3, events=5, executor=AskedTooEarly())
+    assert [member.state for member in found] == ["waiting"] * 3
+    assert [row["state"] for row in index(tmp_path)] == ["waiting"] * 3
 
 
 def test_a_dead_worker_fails_its_member_alone(tmp_path):
