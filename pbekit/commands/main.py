@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
 from pbekit import arguments, endings
 from pbekit.arguments import (
@@ -27,30 +26,13 @@ from pbekit.arguments import (
     shown,
 )
 from pbekit.errors import PBEError
+from pbekit.program import Program
 
 
-class Commands(TyperGroup):
-    """Subcommands that answer a mistake with its message."""
+class Commands(Program):
+    """Subcommands of pbekit."""
 
-    def invoke(self, ctx: Any) -> Any:
-        """Run the subcommand."""
-        try:
-            done = super().invoke(ctx)
-            sys.stdout.flush()
-            return done
-        except PBEError as problem:
-            typer.secho(f"error: {problem}", fg="red", err=True)
-            raise typer.Exit(2) from None
-        except OSError as problem:
-            from pbekit.files import said_of_system
-
-            if (said := said_of_system(problem)) is None:
-                raise
-            typer.secho(f"error: {said}", fg="red", err=True)
-            raise typer.Exit(2) from None
-        except KeyboardInterrupt as problem:
-            endings.tell(problem)
-            raise typer.Exit(endings.exit_code()) from None
+    mistakes = PBEError
 
 
 app = typer.Typer(
@@ -329,8 +311,3 @@ def show(
     from pbekit.study.solve_table import open_table
 
     typer.echo(f"{kernels}: {table_in_words(open_table(kernels), largest)}")
-
-
-def main() -> None:
-    """The command, where the console script of an older installation looks for it."""
-    endings.program(lambda: app(prog_name="pbekit"))

@@ -13,9 +13,9 @@ SHARED = ("pbekit.endings",)
 CROSSINGS = {
     "mcdem/kernel_tables.py": ("pbekit",),
     "mcdem/netcdf/whole_files.py": ("pbekit.files",),
-    "mcdem/commands/main.py": ("pbekit.files",),
+    "mcdem/commands/main.py": ("pbekit.program",),
 }
-"""What else is taken from pbekit, and where: the balance of a table, and the one way to files."""
+"""What else is taken from pbekit, and where: the balance of a table, the one way to files, and what a program answers."""
 SOURCES = [*sorted((ROOT / "mcdem").rglob("*.py")), *sorted((ROOT / "pbekit").rglob("*.py"))]
 
 
