@@ -30,7 +30,7 @@ well below it."""
 def number(name: str, given: object, least: float, most: float, what: str = "a number") -> float:
     """A finite number from `least` to `most`; raises `PBEError`."""
     if not isinstance(given, Real) or isinstance(given, bool) or not least <= float(given) <= most:
-        raise PBEError(f"{name} = {shown(given)}: expected {what} from {least:g} to {most:g}")
+        raise PBEError(f"{named(name, given)}: expected {what} from {least:g} to {most:g}")
     return float(given)
 
 
@@ -51,16 +51,22 @@ def law(of: object, positive: tuple[str, ...] = (), finite: tuple[str, ...] = ()
             raise KernelError(f"{type(of).__name__}: {name} = {shown(given)}: expected {wanted}")
 
 
-def volume_fraction(given: object) -> float:
+def volume_fraction(given: object, name: str = "volume fraction") -> float:
     """A volume fraction above 0, below that of a packing; raises `PBEError`."""
-    return number("volume fraction", given, 1e-15, DENSEST, "a share of the volume")
+    return number(name, given, 1e-15, DENSEST, "a share of the volume")
 
 
-def until(name: str, given: object) -> float:
-    """A time [s] to stop at; `name` as it is to be shown ("until =", "--until"); raises `PBEError`."""
+def stress(given: object, name: str = "stress") -> float:
+    """A shear stress [Pa]; raises `PBEError`."""
+    return number(name, given, 1e-12, 1e12, "a shear stress in Pa")
+
+
+def until(given: object, name: str = "until") -> float:
+    """A time [s] to stop at; raises `PBEError`."""
     if not isinstance(given, Real) or isinstance(given, bool) or not 0.0 < float(given) <= LONGEST_TIME:
-        told = f"{float(given):g}" if isinstance(given, Real) else shown(given)
-        raise PBEError(f"{name} {told}: expected a time above 0 and up to {LONGEST_TIME:g}, in seconds")
+        raise PBEError(
+            f"{named(name, given)}: expected a time above 0 and up to {LONGEST_TIME:g}, in seconds"
+        )
     return float(given)
 
 
@@ -69,12 +75,12 @@ def least_draws(level: float = LEVEL) -> int:
     return int(np.ceil(2 / (1 - level) - 1e-9)) - 1
 
 
-def draws(name: str, given: object, none: bool = False) -> int:
-    """A number of draws that a band can be read from, or 0 where there may be `none`; `name` as in `until`."""
+def draws(given: object, name: str = "draws", none: bool = False) -> int:
+    """A number of draws that a band can be read from, or 0 where there may be `none`; raises `PBEError`."""
     count = int(given) if isinstance(given, Integral) and not isinstance(given, bool) else -1
     if not (least_draws() <= count <= MOST_DRAWS or (none and count == 0)):
         raise PBEError(
-            f"{name} {shown(given)}: expected {'0 (no bands) or ' if none else ''}{least_draws()} to {MOST_DRAWS}; "
+            f"{named(name, given)}: expected {'0 (no bands) or ' if none else ''}{least_draws()} to {MOST_DRAWS}; "
             f"{least_draws()} are the fewest that a {100 * LEVEL:g} % band can be read from"
         )
     return count
@@ -98,7 +104,13 @@ def array(
     return values
 
 
-def method(given: object) -> None:
+def scheme(given: object, name: str = "scheme") -> None:
+    """Refuse what is no way to put products on pivots; raises `PBEError`."""
+    if given not in SCHEMES:
+        raise PBEError(f"{named(name, given)}: expected one of {', '.join(SCHEMES)}")
+
+
+def method(given: object, name: str = "method") -> None:
     """Refuse what is no integrator of scipy, by name or as a class; raises `PBEError`."""
     from scipy.integrate import OdeSolver
 
@@ -108,7 +120,12 @@ def method(given: object) -> None:
         else isinstance(given, type) and issubclass(given, OdeSolver)
     ):
         return
-    raise PBEError(f"method = {shown(given)}: expected one of {', '.join(METHODS)}")
+    raise PBEError(f"{named(name, given)}: expected one of {', '.join(METHODS)}")
+
+
+def named(name: str, given: object) -> str:
+    """What a user gave under a name: `until = -1.0`, or `--until -1.0` of an option."""
+    return f"{name}{' ' if name.startswith('--') else ' = '}{shown(given)}"
 
 
 def shown(given: object, longest: int = 60) -> str:

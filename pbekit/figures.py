@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
+import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
@@ -38,12 +39,16 @@ TABULATED, MONTE_CARLO, ANALYTICAL, SINGLE_RUNS = (
 )
 
 
+def _panels(rows: int = 1, columns: int = 1, *, figsize: tuple[float, float], **options: Any) -> Any:
+    """A figure that no window shows, and its axes."""
+    figure = Figure(figsize=figsize)
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, **options)
+
+
 def save(figure: Figure, data: xr.Dataset, path: Path) -> Path:
     """The figure as PNG and its numbers as NetCDF of the same name."""
-    try:
-        FILES.write_picture(path.with_suffix(".png"), figure)
-    finally:
-        plt.close(figure)
+    FILES.write_picture(path.with_suffix(".png"), figure)
     FILES.write_numbers(path.with_suffix(".nc"), data)
     return path.with_suffix(".png")
 
@@ -77,8 +82,8 @@ def draw_course(found: Comparison, path: Path) -> Path:
         ("size_deviation", r"standard deviation $\sigma_P$", 1.0),
         ("sauter_diameter", r"Sauter diameter $d_{32}$ [µm]", 1e6),
     )
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(1, 3, figsize=(8.4, 2.9))
+    with mpl.rc_context(STYLE):
+        figure, axes = _panels(1, 3, figsize=(8.4, 2.9))
         for ax, (key, label, unit) in zip(axes, rows, strict=True):
             time = course.time.values
             if f"{key}_monte_carlo" in course:
@@ -105,8 +110,8 @@ def draw_distribution(found: Comparison, path: Path) -> Path:
     ]
     if not panels:
         panels = ["late_density"]
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(1, len(panels), figsize=(4.2 * len(panels), 3.6), squeeze=False)
+    with mpl.rc_context(STYLE):
+        figure, axes = _panels(1, len(panels), figsize=(4.2 * len(panels), 3.6), squeeze=False)
         for ax, key in zip(axes[0], panels, strict=True):
             _distribution(ax, data, key)
             last = "last 40 %" if late is None else f"from {late:.4g} s to the run's end"
@@ -163,8 +168,8 @@ def _switch_panels(found: Comparison) -> list[tuple[str, str]]:
 def draw_switches(found: Comparison, path: Path) -> Path:
     """<P> at the run's end and at steady state with one assumption changed in each line, beside the Monte Carlo."""
     data, numbers, panels = found.switches, found.numbers, _switch_panels(found)
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(
+    with mpl.rc_context(STYLE):
+        figure, axes = _panels(
             1, len(panels), figsize=(3.0 + 2.7 * len(panels), 3.6), sharey=True, squeeze=False
         )
         y = np.arange(data.sizes["switch"])[::-1]
@@ -189,8 +194,8 @@ def draw_switches(found: Comparison, path: Path) -> Path:
 
 def draw_volume_fractions(data: xr.Dataset, path: Path) -> Path:
     """Steady <P> against volume fraction."""
-    with plt.rc_context(STYLE):
-        figure, ax = plt.subplots(figsize=(4.2, 3.0))
+    with mpl.rc_context(STYLE):
+        figure, ax = _panels(figsize=(4.2, 3.0))
         ax.plot(
             data.volume_fraction,
             data.tabulated,
@@ -232,8 +237,8 @@ def _ticks_at(ax: Axes, values: np.ndarray) -> None:
 
 def draw_efficiencies(data: xr.Dataset, path: Path) -> Path:
     """eta_11 as counted, beside van de Ven & Mason's law."""
-    with plt.rc_context(STYLE):
-        figure, ax = plt.subplots(figsize=(4.2, 3.0))
+    with mpl.rc_context(STYLE):
+        figure, ax = _panels(figsize=(4.2, 3.0))
         errors = np.maximum(np.stack([data.eta_11 - data.eta_11_low, data.eta_11_high - data.eta_11]), 0)
         ax.errorbar(
             data.stress, data.eta_11, yerr=errors, fmt="o", ms=4, color=BLUE, label="counted, 90 % interval"
@@ -257,8 +262,8 @@ def draw_stress_law(data: xr.Dataset, runs: dict[float, tuple[float, float]], pa
     Stresses whose table bears no steady state have no point.
     """
     guessed = data.extrapolated.values > GUESSED
-    with plt.rc_context(STYLE):
-        figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 4.4))
+    with mpl.rc_context(STYLE):
+        figure, (left, right) = _panels(1, 2, figsize=(8.4, 4.4))
         for ax, key, colour, marker, label, unit in (
             (left, "mean_size", BLUE, "o", r"steady $\langle P\rangle$", 1.0),
             (left, "breakup_size", GREEN, "^", "breakup size $P_{br}$", 1.0),
@@ -371,8 +376,8 @@ def draw_table(table: KernelTable, path: Path) -> Path:
         ("joined", "share that aggregated", "cividis"),
         ("scattered", "share that scattered", "magma"),
     )
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(1, 3, figsize=(9.0, 3.0))
+    with mpl.rc_context(STYLE):
+        figure, axes = _panels(1, 3, figsize=(9.0, 3.0))
         edges = table.size_edges.astype(float)
         for ax, (key, label, colours) in zip(axes, panels, strict=True):
             values = np.where(trials > 0, data[key], np.nan)

@@ -5,7 +5,6 @@ Each imports its machinery when it runs, so that `mcdem --help` answers at once.
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -16,6 +15,7 @@ from mcdem.arguments import MOST_EVENTS
 from mcdem.errors import UserError
 from mcdem.quantities.random_streams import LARGEST_SEED
 from mcdem.quantities.units import Quantity, shown
+from pbekit.program import finite
 
 __all__ = [
     "LARGEST_SEED",
@@ -53,13 +53,6 @@ def read_quantity(option: str, given: str, quantity: Quantity) -> float:
         return quantity.to_si(given, bare=False)
     except PydanticCustomError as problem:
         raise UserError(f"{option} {shown(given)} {problem.message()}") from None
-
-
-def finite(value: float | None) -> float | None:
-    """A callback of options that are numbers: typer's bounds let nan and inf pass."""
-    if value is not None and not math.isfinite(value):
-        raise typer.BadParameter(f"{value} is not a finite number")
-    return value
 
 
 def end_early(problem: BaseException, files: str, done: int, wanted: int) -> NoReturn:

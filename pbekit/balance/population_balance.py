@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pbekit.arguments import SCHEMES, shown
+from pbekit import arguments
+from pbekit.arguments import shown
 from pbekit.balance import right_hand_side as compiled
 from pbekit.balance.encounters import Event, assemble
 from pbekit.balance.grid import Grid, TwoComponentGrid
@@ -32,8 +33,7 @@ class PopulationBalance:
         scheme: str = "fixed pivot",
         edge: str = "overflow",
     ) -> None:
-        if scheme not in SCHEMES:
-            raise PBEError(f"scheme: got {scheme!r}, expected one of {SCHEMES}")
+        arguments.scheme(scheme)
         if edge not in EDGES:
             raise PBEError(f"edge: got {edge!r}, expected one of {EDGES}")
         if not isinstance(grid, Grid | TwoComponentGrid):

@@ -1,1 +1,29 @@
-"""The subcommands of pbekit."""
+"""The subcommands of `pbekit`, one a file, named like it, and the options that several have.
+
+Each imports its machinery when it runs, so that `pbekit --help` answers at once.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pbekit.arguments import LEVEL, MOST_DRAWS, least_draws
+
+Table = Annotated[Path, typer.Argument(metavar="KERNELS", help="Table that `mcdem kernels` wrote (NetCDF).")]
+Tables = Annotated[list[Path], typer.Argument(metavar="KERNELS...", help="Tables, one per stress.")]
+Draws = Annotated[
+    int,
+    typer.Option(min=least_draws(), max=MOST_DRAWS, help=f"Posterior draws for the {100 * LEVEL:g} % bands."),
+]
+FigureFolder = Annotated[
+    Path,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FOLDER",
+        help="Folder for figures and numbers; those drawn before are replaced.",
+    ),
+]

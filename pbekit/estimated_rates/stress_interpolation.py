@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pbekit.arguments import number
+from pbekit import arguments
 from pbekit.balance.encounters import ShapeMemory
 from pbekit.balance.grid import Grid
 from pbekit.balance.population_balance import PopulationBalance
@@ -159,7 +159,7 @@ def interpolate(
     tables: Sequence[KernelTable], stress: float, grid: Grid | None = None, outcomes: str = "table"
 ) -> InterpolatedRates:
     """The balance at `stress` [Pa] from the nearest of the tables below and above it; raises `PBEError` without them."""
-    number("stress", stress, 1e-12, 1e12, "a shear stress in Pa")
+    arguments.stress(stress)
     known = sorted(tables, key=stress_of)
     lower = [table for table in known if stress_of(table) <= stress]
     upper = [table for table in known if stress_of(table) > stress]

@@ -98,10 +98,10 @@ def compare_table(
     ------
     PBEError : of a run of another scene, or arguments that cannot be meant
     """
-    arguments.draws("draws =", draws)
+    arguments.draws(draws)
     arguments.whole_number("seed", seed, 0, arguments.LARGEST_SEED)
     if until is not None:
-        arguments.until("until =", until)
+        arguments.until(until)
     tell = progress or (lambda what, share: None)
     if run is not None and run.scene and table.about.get("scene"):
         differs = other_tables(run.scene, str(table.about["scene"]))

@@ -96,7 +96,7 @@ def stress_law(
     """
     if len(tables) < 2:
         raise PBEError("a law over stresses needs tables at two stresses or more")
-    arguments.draws("draws =", draws)
+    arguments.draws(draws)
     tables = sorted(tables, key=stress_of)
     stress = np.array([stress_of(t) for t in tables])
     rows = []

@@ -53,15 +53,12 @@ class Options:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        arguments.until("until =", self.until)
+        arguments.until(self.until)
         arguments.whole_number("samples", self.samples, 2, 10**6)
-        arguments.draws("draws =", self.draws, none=True)
+        arguments.draws(self.draws, none=True)
         arguments.whole_number("seed", self.seed, 0, arguments.LARGEST_SEED)
         arguments.method(self.method)
-        if self.scheme not in arguments.SCHEMES:
-            raise PBEError(
-                f"scheme = {arguments.shown(self.scheme)}: expected one of {', '.join(arguments.SCHEMES)}"
-            )
+        arguments.scheme(self.scheme)
 
     @classmethod
     def of(cls, given: dict[str, Any]) -> Options:
@@ -294,6 +291,23 @@ def _take_back_without_limit(data: xr.Dataset) -> None:
         "no steady state: the encounters leave open whether sizes stay finite (in more than 5 % of the draws they grow without "
         "end); more encounters between the largest aggregates are needed (mcdem kernels ... --resume --encounters)"
     )
+
+
+def cautions(
+    tables: Sequence[KernelTable], volume_fraction: float | None, exact_to: int, largest: int | None
+) -> list[str]:
+    """What is not taken as it was given, and what is doubtful, before tables are solved; arguments as of `solve_table`."""
+    lines = []
+    seen = max(int(table.records.size.max(initial=1)) for table in tables)
+    if largest is not None and seen <= largest < exact_to:
+        lines.append(f"exact_to = {exact_to} is taken as {largest}, the largest size")
+    phi = tables[0].about.get("volume_fraction") if volume_fraction is None else volume_fraction
+    if phi is not None and float(phi) > arguments.DILUTE:
+        lines.append(
+            f"warning: at a volume fraction of {float(phi):g} encounters are not of two aggregates alone (above "
+            f"{arguments.DILUTE:g}): the balance of binary encounters is no longer that of the suspension"
+        )
+    return lines
 
 
 def extrapolated_from(data: xr.Dataset) -> float | None:

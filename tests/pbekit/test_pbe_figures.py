@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import itertools
 
-import matplotlib
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.text import Text
 
 from pbekit import figures
 from pbekit.study.compare import Comparison
@@ -121,23 +120,19 @@ def fractions(leg):
 @pytest.mark.parametrize("leg", LEGS)
 @pytest.mark.parametrize("name", DRAWN)
 def test_no_text_lies_over_another_or_over_data(name, leg, tmp_path, monkeypatch):
-    matplotlib.use("Agg")
     kept = []
     monkeypatch.setattr(figures, "save", lambda figure, data, path: kept.append(figure))
     DRAWN[name](leg, tmp_path / "figure")
     figure = kept[0]
     figure.canvas.draw()
-    try:
-        assert all(ax.has_data() for ax in figure.axes)
-        assert overlaps(figure) == []
-    finally:
-        plt.close(figure)
+    assert all(ax.has_data() for ax in figure.axes)
+    assert overlaps(figure) == []
 
 
 def overlaps(figure):
     """Pairs of texts that overlap, and legends that lie over a panel or another legend or out of the figure."""
     draw = figure.canvas.get_renderer()
-    texts = [t for t in figure.findobj(matplotlib.text.Text) if t.get_visible() and t.get_text().strip()]
+    texts = [t for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip()]
     boxes = [(t.get_text(), t.get_window_extent(draw).padded(-1.0)) for t in texts if within(figure, t, draw)]
     found = [(a, b) for (a, one), (b, other) in itertools.combinations(boxes, 2) if one.overlaps(other)]
     legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes if ax.get_legend() is not None)]

@@ -13,6 +13,7 @@ SHARED = ("pbekit.endings",)
 CROSSINGS = {
     "mcdem/kernel_tables.py": ("pbekit",),
     "mcdem/netcdf/whole_files.py": ("pbekit.files",),
+    "mcdem/commands/__init__.py": ("pbekit.program",),
     "mcdem/commands/main.py": ("pbekit.program",),
 }
 """What else is taken from pbekit, and where: the balance of a table, the one way to files, and what a program answers."""

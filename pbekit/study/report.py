@@ -1,51 +1,21 @@
-"""Results in words: the lines that the commands print, and what they refuse to write."""
+"""Results in words: what a solution, a comparison, a law over stresses and a table say, as lines to print."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from pbekit.arguments import DILUTE, LEVEL
-from pbekit.errors import PBEError
+from pbekit.arguments import LEVEL
 from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
-from pbekit.outputs import FILES, SOLUTION
 from pbekit.study.compare import Comparison
 from pbekit.study.evidence import MOST_EXTRAPOLATED, supported_steady_state
 from pbekit.study.solve_table import extrapolated_from
 from pbekit.study.uncertainty import eta_11, mean_size_gradient, variance_shares
 from pbekit.tables.counts import share_in_words
 from pbekit.tables.kernel_table import OUTCOMES, KernelTable
-
-
-def writable_dataset(path: Path, overwrite: bool) -> None:
-    """Refuse a name that says another format than NetCDF, and a place where no solution may be written."""
-    if path.suffix != ".nc":
-        raise PBEError(
-            f"{path}: expected a name that ends in .nc, what is written is NetCDF; a table of text comes from it by "
-            "xarray.open_dataset(FILE).mean_size.to_dataframe().to_csv(...)"
-        )
-    FILES.check(path, SOLUTION, overwrite=overwrite)
-
-
-def cautions(
-    tables: Sequence[KernelTable], volume_fraction: float | None, exact_to: int, largest: int | None
-) -> list[str]:
-    """What is not taken as it was given, and what is doubtful, before a table is solved."""
-    lines = []
-    seen = max(int(table.records.size.max(initial=1)) for table in tables)
-    if largest is not None and seen <= largest < exact_to:
-        lines.append(f"--exact-to {exact_to} is taken as {largest}, the largest size")
-    phi = tables[0].about.get("volume_fraction") if volume_fraction is None else volume_fraction
-    if phi is not None and float(phi) > DILUTE:
-        lines.append(
-            f"warning: at a volume fraction of {float(phi):g} encounters are not of two aggregates alone (above {DILUTE:g}): "
-            "the balance of binary encounters is no longer that of the suspension"
-        )
-    return lines
 
 
 def with_band(numbers: Mapping[str, Any], name: str, unit: float = 1.0, digits: int = 3) -> str:
@@ -57,7 +27,7 @@ def with_band(numbers: Mapping[str, Any], name: str, unit: float = 1.0, digits: 
     return text
 
 
-def solved_in_words(data: xr.Dataset) -> list[str]:
+def solution_report(data: xr.Dataset) -> list[str]:
     """What `solve_table` found."""
     about, lines = data.attrs, []
     if "no_steady_state" in about:
@@ -106,7 +76,7 @@ INSIDE = (
 )
 
 
-def comparison_in_words(result: Comparison) -> list[str]:
+def comparison_report(result: Comparison) -> list[str]:
     """A balance beside its Monte Carlo and analytical laws: a table, and what lies within which band."""
     n = result.numbers
     lines = [result.no_steady_state] if result.no_steady_state else []
@@ -174,7 +144,7 @@ STRESS_ROWS = (
 )
 
 
-def stresses_in_words(law: xr.Dataset, etas: xr.Dataset) -> list[str]:
+def stress_report(law: xr.Dataset, etas: xr.Dataset) -> list[str]:
     """Sizes against stress and their exponents (`over_stresses.stress_law`), eta_11 beside them."""
     lines = []
     for k, stress in enumerate(law.stress.values):
@@ -216,7 +186,7 @@ def stresses_in_words(law: xr.Dataset, etas: xr.Dataset) -> list[str]:
     return lines
 
 
-def table_in_words(table: KernelTable, largest: int = 10) -> str:
+def table_report(table: KernelTable, largest: int = 10) -> list[str]:
     """What a table holds, how sure its balance is, and which pairs of classes make its error; lines."""
     totals = table.counts.sum(axis=0)
     seen = ", ".join(f"{n} {o}" for n, o in zip(totals, OUTCOMES, strict=True) if n)
@@ -236,7 +206,7 @@ def table_in_words(table: KernelTable, largest: int = 10) -> str:
     lines.append(f"broke: {share_in_words(evidence.breakups, evidence.encounters)}")
     if steady is None:
         lines.append(evidence.refusal(table))
-        return "\n  ".join(lines)
+        return lines
     shares = variance_shares(estimated, steady, mean_size_gradient(estimated.mean, steady.population))
     mean = steady.population @ estimated.grid.mass / steady.population.sum()
     lines.append(f"steady <P> = {mean:.4g}, standard error {shares.deviation:.2g}; shares of its variance:")
@@ -246,4 +216,4 @@ def table_in_words(table: KernelTable, largest: int = 10) -> str:
     if shares.of_law > 0:
         share = shares.of_law / shares.deviation**2
         lines.append(f"  {100 * share:5.1f} %  the fitted law, where classes lean on it")
-    return "\n  ".join(lines)
+    return lines
