@@ -304,6 +304,17 @@ class TableProgress:
     error: float | None
     elapsed: float
 
+    @property
+    def done(self) -> float:
+        """Share of the designed encounters that are wanted."""
+        return self.designed / self.wanted if self.wanted else 1.0
+
+    def __str__(self) -> str:
+        state = f"{self.reused} from runs, {self.designed} of {self.wanted} designed"
+        if self.mean_size is not None and self.error is not None:
+            state += f"; steady <P> = {self.mean_size:.3g} +- {100 * self.error:.2g} %"
+        return state
+
 
 @dataclass(frozen=True)
 class TableSummary:
@@ -318,6 +329,12 @@ class TableSummary:
     """"encounters", "error" or "interruption"."""
     refusal: str = ""
     """Why there is no steady <P>, and what would give one; empty where there is one."""
+
+    def __str__(self) -> str:
+        line = f"{self.path}: {self.reused} encounters from runs, {self.designed} designed"
+        if self.mean_size is not None and self.error is not None:
+            line += f"; steady <P> = {self.mean_size:.3g}, standard error {100 * self.error:.2g} %"
+        return f"{line}; ended by {self.ended_by}" + (f"\n{self.refusal}" if self.refusal else "")
 
 
 def tabulate(

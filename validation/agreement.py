@@ -30,8 +30,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from mcdem.aggregates.aggregate import Aggregate
-from mcdem.analysis.accuracy_cost import REFERENCE, Pair, Sample, draw_pairs, follow, settings_of
+from mcdem.analysis.accuracy_cost import settings_of
 from mcdem.analysis.dataset import RunDataset
+from mcdem.analysis.paired_encounters import REFERENCE, Pair, Sample, draw_pairs, follow
 from mcdem.encounter.simulate import OUTCOMES
 from mcdem.errors import UserError
 from mcdem.monte_carlo.executors import opened

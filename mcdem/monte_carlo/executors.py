@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import threadpoolctl
 
+from mcdem.arguments import ExecutorKind
 from mcdem.errors import UserError
 from mcdem.quantities.random_streams import stream
 from pbekit import endings
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     from mcdem.aggregates.aggregate import Aggregate
     from mcdem.encounter.simulate import EncounterResult
     from mcdem.scene import Scene
-
-KINDS = ("process", "mpi", "dask")
 
 
 class Crew(NamedTuple):
@@ -167,7 +166,7 @@ def opened(
                 crew.executor, number_of(workers, crew.workers, "the threads of the cluster's workers")
             )
         else:
-            raise UserError(f'executor = "{kind}": expected one of {", ".join(KINDS)}')
+            raise UserError(f'executor = "{kind}": expected one of {", ".join(ExecutorKind)}')
 
 
 class _Processes(ProcessPoolExecutor):

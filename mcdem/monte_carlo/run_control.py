@@ -9,9 +9,10 @@ from __future__ import annotations
 import contextlib
 import time as clock
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
 
 import threadpoolctl
@@ -52,6 +53,13 @@ class RunProgress:
     elapsed: float
     """Wall-clock time since `run` was called [s]."""
 
+    def __str__(self) -> str:
+        parts = [_reached(self.time, self.events, self.outcomes), f"<P> = {self.mean_size:.2f}"]
+        # The first events wait for the compiler, and say nothing about the pace.
+        if self.remaining is not None and self.done > 0.01:
+            parts.append(f"{timedelta(seconds=round(self.remaining))} left")
+        return ", ".join(parts)
+
 
 @dataclass(frozen=True)
 class RunSummary:
@@ -71,6 +79,15 @@ class RunSummary:
     """... those among them that did not take place, ..."""
     elapsed: float
     """... and its wall-clock time [s]."""
+
+    def __str__(self) -> str:
+        return f"{_reached(self.time, self.events, self.outcomes)}; ended by {self.ended_by}"
+
+
+def _reached(time: float, events: int, outcomes: Mapping[str, int]) -> str:
+    """Where a process is, in words."""
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items() if count)
+    return f"t = {time:.4g} s, {events} events" + (f" ({counts})" if counts else "")
 
 
 def run(

@@ -71,6 +71,10 @@ class Member:
     why: str = ""
     """Why it failed."""
 
+    def __str__(self) -> str:
+        line = f"{self.file.name}: {self.state}, t = {self.time:.4g} s, {self.events} events"
+        return f"{line}: {self.why}" if self.why else line
+
 
 def parse_setting(given: str) -> tuple[str, list[str]]:
     """("flow.shear_stress", ["750Pa", "875Pa"]) of "flow.shear_stress=750Pa,875Pa"; raises `UserError`."""

@@ -7,7 +7,7 @@ import pytest
 from small_runs import small_runs
 
 import mcdem
-from mcdem.analysis.accuracy_cost import REFERENCE, draw_pairs
+from mcdem.analysis.paired_encounters import REFERENCE, draw_pairs
 from mcdem.errors import UserError
 from validation import agreement
 

@@ -9,8 +9,8 @@ from scipy.integrate import quad
 from typer.testing import CliRunner
 
 import mcdem
-from mcdem.analysis.accuracy_cost import efficiency
 from mcdem.analysis.dimensionless_groups import check, contact_relaxation, doublet_share, tabor_number
+from mcdem.analysis.paired_encounters import efficiency
 from mcdem.commands.main import app
 
 SCENES = Path(__file__).parents[2] / "scenes"

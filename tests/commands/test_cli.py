@@ -4,13 +4,13 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from asked import mcdem_command, refusal
 from rich.console import Console
 
-from mcdem.commands.progress import RunDisplay
+from mcdem.monte_carlo.run_control import RunProgress
+from pbekit.progress import ProgressBar
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -177,23 +177,38 @@ def where_it_stands(**changes):
     known = dict(
         time=2.5, events=40, mean_size=1.25, outcomes={"missed": 30, "aggregation": 10, "exchange": 0}
     )
-    return SimpleNamespace(**(known | dict(done=0.25, remaining=90.4, elapsed=30.0) | changes))
+    return RunProgress(**(known | dict(aggregates=10, done=0.25, remaining=90.4, elapsed=30.0) | changes))
 
 
-def test_the_display_tells_time_events_size_outcomes_and_time_left(capsys):
-    with RunDisplay("quickstart", Console(file=sys.stdout, force_terminal=False, width=200)) as display:
-        display(where_it_stands())
-        display(where_it_stands(elapsed=31.0))
-        display(where_it_stands(elapsed=61.0, done=0.5, remaining=None))
-    first, second = capsys.readouterr().out.splitlines()
-    assert first == " 25%  t = 2.5 s, 40 events (30 missed, 10 aggregation), <P> = 1.25, 0:01:30 left"
-    assert second == " 50%  t = 2.5 s, 40 events (30 missed, 10 aggregation), <P> = 1.25"
+def test_a_run_says_time_events_outcomes_size_and_time_left():
+    words = "t = 2.5 s, 40 events (30 missed, 10 aggregation), <P> = 1.25"
+    assert str(where_it_stands()) == f"{words}, 0:01:30 left"
+    assert str(where_it_stands(remaining=None)) == words
+    # The first encounters wait for the compiler.
+    assert str(where_it_stands(done=0.005)) == words
 
 
-def test_the_display_on_a_terminal_is_one_line_that_stays_readable(capsys):
-    console = Console(file=sys.stdout, force_terminal=True, width=120, color_system=None)
-    with RunDisplay("quickstart", console) as display:
-        display(where_it_stands())
+def test_without_a_terminal_a_line_comes_now_and_then(capsys, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("pbekit.progress.clock.monotonic", lambda: now[0])
+    console = Console(file=sys.stdout, force_terminal=False, width=20)
+    with ProgressBar("quickstart", console=console) as patient:
+        for now[0], share in ((0.0, 0.0), (29.0, 0.25), (31.0, 0.5), (32.0, 0.6), (62.0, None)):
+            patient("[so] many events of a long line", share)
+    with ProgressBar("film", at_once=True, console=console) as impatient:
+        impatient("1 of 2 pictures", 0.5)
+    assert capsys.readouterr().out.splitlines() == [
+        "quickstart: 50%, [so] many events of a long line",
+        "quickstart: [so] many events of a long line, 0:01:02 until now",
+        "film: 50%, 1 of 2 pictures",
+    ]
+
+
+def test_on_a_terminal_a_bar_stays_readable(capsys):
+    console = Console(file=sys.stdout, force_terminal=True, width=140, color_system=None)
+    with ProgressBar("quickstart", console=console) as progress:
+        progress(str(where_it_stands()), 0.25)
+        progress.line("nothing of this")
     shown = capsys.readouterr().out
-    assert "quickstart" in shown
+    assert "quickstart" in shown and "nothing" not in shown
     assert "25% t = 2.5 s, 40 events (30 missed, 10 aggregation), <P> = 1.25, 0:01:30 left" in shown

@@ -23,9 +23,9 @@ import synthetic
 import xarray as xr
 from typer.testing import CliRunner
 
-from mcdem.commands import cost as cost_command
+from mcdem.analysis.accuracy_cost import write_prices
+from mcdem.analysis.sensitivity import write_differences
 from mcdem.commands import main as mcdem_cli
-from mcdem.commands import sensitivity as sensitivity_command
 from mcdem.encounter.trajectory import Trajectory, export, read
 from mcdem.errors import DataFileError, UserError
 from mcdem.figures.film import film
@@ -108,8 +108,8 @@ WRITERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "pdf": (".pdf", lambda path: FILES.write_picture(path, figure())),
     "svg": (".svg", lambda path: FILES.write_picture(path, figure())),
     "png of pbekit": (".png", lambda path: PBE_FILES.write_picture(path, figure())),
-    "table of sensitivity": (".csv", lambda path: sensitivity_command.write([], path)),
-    "table of cost": (".csv", lambda path: cost_command.write([], path)),
+    "table of sensitivity": (".csv", lambda path: write_differences([], path)),
+    "table of cost": (".csv", lambda path: write_prices([], path)),
 }
 
 

@@ -355,15 +355,22 @@ def test_the_line_by_line_verdict_is_that_of_the_row():
 
 
 def test_a_saved_table_of_costs_is_read_as_written(tmp_path):
-    from mcdem.analysis.accuracy_cost import Price, Setting
-    from mcdem.commands.cost import write
+    from mcdem.analysis.accuracy_cost import Price, write_prices
+    from mcdem.analysis.paired_encounters import Setting
     from validation import datasets
 
     price = Price(Setting("as given", "as given"), np.arange(4.0), np.arange(4.0) / 8, 0.25, 30.0, 0.5)
-    write([price], tmp_path / "cost.csv")
+    write_prices([price], tmp_path / "cost.csv")
     (row,) = datasets.prices(tmp_path / "cost.csv")
     assert (row["setting"], row["cpu_time_s"], row["error_eta_11"]) == ("as given", 0.25, 0.0)
     assert (row["error_geometry"], row["standard_error_geometry"]) == (3.0, 3 / 8)
+    # Earlier tables call what is varied a knob.
+    old = (tmp_path / "cost.csv").read_text().replace(",varied,", ",knob,")
+    (tmp_path / "old.csv").write_text(old)
+    assert datasets.prices(tmp_path / "old.csv") == [row] and row["varied"] == "as given"
+    (tmp_path / "other.csv").write_text("setting\n")
+    with pytest.raises(UserError, match="expected a table of `mcdem cost`"):
+        datasets.prices(tmp_path / "other.csv")
 
 
 def test_the_peers_numbers_are_of_the_spheres_that_are_compared():

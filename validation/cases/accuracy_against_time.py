@@ -26,7 +26,7 @@ def judge(context: Context, rows):
     named = {row["setting"]: row for row in rows}
     reference, given = named["reference"], named["as given"]
     steps = sorted(
-        (row for row in rows if row["knob"] == "max_step"),
+        (row for row in rows if row["varied"] == "max_step"),
         key=lambda row: float(row["setting"].partition("=")[2]),
     )
     finest, coarsest = (steps[k]["error_eta_11"] for k in (0, -1))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import mcdem
-from mcdem.analysis.accuracy_cost import level_changes
+from mcdem.analysis.paired_encounters import level_changes
 from validation.fuzz import FOUND
 from validation.hard_cases import edges
 from validation.hard_cases.case import Case, Encounter, Ensemble, Refused, Shortcut, Suspension
