@@ -64,9 +64,10 @@ def read_aggregate(scene: Scene, path: Path | str) -> Aggregate:
 def aggregate_of(scene: Scene, given: str, name: str = "aggregate") -> Aggregate:
     """A chain, of a number, or what a file holds, of anything else; raises `UserError` that begins with `name`."""
     try:
-        # Digits beyond those of the longest chain are not made a number of.
         if given.isdecimal():
-            return straight_chain(scene, int(given[:5]))
+            # A number of thousands of digits is as wrong as one of five, and is neither read nor shown.
+            given = given[:5]
+            return straight_chain(scene, int(given))
         return read_aggregate(scene, given)
     except UserError as problem:
-        raise UserError(f"{name} {given[:60]}: {problem}") from None
+        raise UserError(f"{name} {given}: {problem}") from None

@@ -45,9 +45,8 @@ def run(
         note(line)
     with (
         executors.opened(executor, workers, scheduler) as crew,
-        ProgressBar(loaded.name, at_once=True) as progress,
+        ProgressBar(loaded.name, begins="compiling what is not yet compiled", at_once=True) as progress,
     ):
-        progress("compiling what is not yet compiled")
         done = run_control.run(
             loaded,
             file,
