@@ -30,7 +30,7 @@ from mcdem.analysis.dataset import RunDataset
 from mcdem.encounter.simulate import EncounterResult, simulate_encounter
 from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo import executors
-from mcdem.monte_carlo.executors import Encounter, EngineError
+from mcdem.monte_carlo.executors import Encounter, ExecutorError
 from mcdem.netcdf.whole_files import FILES
 from mcdem.quantities.random_streams import checked, stream
 from mcdem.scene import Scene
@@ -455,10 +455,10 @@ def tabulate(
         except KeyboardInterrupt:
             ended_by = "interruption"
         except BaseException as problem:
-            if not (isinstance(problem, EngineError) and endings.asked(within=0.5)):
+            if not (isinstance(problem, ExecutorError) and endings.asked(within=0.5)):
                 save()
-                if isinstance(problem, EngineError):
-                    raise EngineError(
+                if isinstance(problem, ExecutorError):
+                    raise ExecutorError(
                         f"{problem}; {path} holds {done} designed encounters: extend it with --resume, maybe on fewer workers"
                     ) from problem
                 raise

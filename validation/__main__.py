@@ -120,7 +120,7 @@ def validation(
                 way=way,
                 given=given,
                 fresh=fresh,
-                told=display,
+                progress=display,
             )
     except KeyboardInterrupt:
         raise KeyboardInterrupt(

@@ -132,7 +132,7 @@ def followed(data: xr.Dataset, way: str) -> NDArray[np.intp]:
 
 
 def complete(
-    data: xr.Dataset, paper: int, workers: int, save: Callable[[], None], tell: Callable[[str], None]
+    data: xr.Dataset, paper: int, workers: int, save: Callable[[], None], report: Callable[[str], None]
 ) -> None:
     """Follow what has not been followed yet, `paper` encounters by the paper's scheme too."""
     scene, seed, met = scene_in(data), int(data.attrs["seed"]), pairs(data)
@@ -154,9 +154,9 @@ def complete(
                 if time.monotonic() - written > EVERY:
                     save()
                     written = time.monotonic()
-                    tell(f"{way}: {done} of {len(missing)}")
+                    report(f"{way}: {done} of {len(missing)}")
             save()
-            tell(f"{way}: all {len(wanted)}")
+            report(f"{way}: all {len(wanted)}")
 
 
 class Difference(NamedTuple):

@@ -61,14 +61,14 @@ def until_stopped(
     results: Iterable[Result], note: Callable[[Result], None]
 ) -> tuple[list[Result], BaseException | None]:
     """All results, or those before Ctrl-C or a failure of the workers if they are worth writing, and what that was."""
-    from mcdem.monte_carlo.executors import EngineError
+    from mcdem.monte_carlo.executors import ExecutorError
 
     found: list[Result] = []
     try:
         for result in results:
             found.append(result)
             note(result)
-    except (KeyboardInterrupt, EngineError) as problem:
+    except (KeyboardInterrupt, ExecutorError) as problem:
         if len(found) < LEAST:
             raise
         return found, problem

@@ -21,7 +21,7 @@ from mcdem.arguments import scene_at_door, stop_at_door
 from mcdem.encounter.simulate import simulate_encounter
 from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo import executors
-from mcdem.monte_carlo.executors import Encounter, EngineError
+from mcdem.monte_carlo.executors import Encounter, ExecutorError
 from mcdem.monte_carlo.process import Process
 from mcdem.monte_carlo.speculative_execution import SpeculativeExecution
 from mcdem.netcdf.whole_files import FILES, RUN
@@ -123,7 +123,7 @@ def run(
     checkpoint_every : longest time between two writings [s]; but writing takes at most 2 % of the time
 
     Ctrl-C, SIGTERM and SIGHUP end the run in order; the dataset then holds everything until the last encounter.
-    Raises `UserError` for what the user can mend; `EngineError`, the dataset written, for whatever befell the executor.
+    Raises `UserError` for what the user can mend; `ExecutorError`, the dataset written, for whatever befell the executor.
     """
     scene_at_door(scene)
     end, events = stop_at_door(until, events)
@@ -171,13 +171,13 @@ def run(
                     ended_by = "interruption"
                     continue
                 except BaseException as problem:
-                    engine = isinstance(problem, EngineError)
-                    if engine and endings.asked(within=0.5):
+                    of_executor = isinstance(problem, ExecutorError)
+                    if of_executor and endings.asked(within=0.5):
                         ended_by = "interruption"
                         continue
                     writing.now()
-                    if engine:
-                        raise EngineError(
+                    if of_executor:
+                        raise ExecutorError(
                             f"{problem}; {path} holds everything until t = {process.time:.6g} s: continue with "
                             "--resume, maybe on fewer workers"
                         ) from problem

@@ -93,7 +93,7 @@ def test_times_are_compared_side_by_side():
     assert np.isfinite(twin.time_error) and twin.time_error > 0.0
 
 
-def test_a_sample_without_aggregates_is_told():
+def test_a_sample_without_aggregates_is_said():
     single, five = mcdem.Aggregate.monomer(), mcdem.Aggregate(np.zeros((5, 3)), np.zeros((0, 2), np.int32))
     assert "only 1 of 4" in cost.few_aggregates([(single, single)] * 3 + [(single, five)])
     assert cost.few_aggregates([(single, single), (single, five)]) == ""

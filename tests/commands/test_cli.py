@@ -111,15 +111,15 @@ def test_plot_refuses_what_is_no_dataset_and_what_is_no_figure(tmp_path):
     )
 
 
-def test_an_encounter_is_told_in_words():
+def test_an_encounter_is_said_in_words():
     done = mcdem_command("encounter", SCENES / "paper-750Pa.toml", "--offset", "0 nm", "250 nm")
     assert done.exit_code == 0, done.output
-    told = dict(re.split(r"\s{2,}", line, maxsplit=1) for line in done.stdout.splitlines())
-    assert told["outcome"] == "aggregation"
-    assert told["products"] == "2 primaries"
-    assert told["offset"] == "x0 = 0 m, y0 = 2.5e-07 m"
-    assert re.fullmatch(r"[\d.e-]+ s \(strain [\d.]+\)", told["first contact"])
-    assert re.fullmatch(r"[\d.e-]+ N \(0\.\d\d of pull-off\)", told["largest tension"])
+    said = dict(re.split(r"\s{2,}", line, maxsplit=1) for line in done.stdout.splitlines())
+    assert said["outcome"] == "aggregation"
+    assert said["products"] == "2 primaries"
+    assert said["offset"] == "x0 = 0 m, y0 = 2.5e-07 m"
+    assert re.fullmatch(r"[\d.e-]+ s \(strain [\d.]+\)", said["first contact"])
+    assert re.fullmatch(r"[\d.e-]+ N \(0\.\d\d of pull-off\)", said["largest tension"])
 
 
 def test_aggregates_and_offsets_are_refused_by_name(tmp_path):
@@ -146,7 +146,7 @@ def test_aggregates_and_offsets_are_refused_by_name(tmp_path):
 
 
 @pytest.mark.parametrize(("ended_by", "code"), [("time", 0), ("events", 0), ("interruption", 130)])
-def test_exit_code_tells_an_interrupted_run(tmp_path, monkeypatch, ended_by, code):
+def test_exit_code_marks_an_interrupted_run(tmp_path, monkeypatch, ended_by, code):
     from mcdem.monte_carlo import run_control
 
     asked = {}

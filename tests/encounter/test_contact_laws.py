@@ -1,4 +1,4 @@
-"""Whatever tells of contacts does so for every law of a contact, not for the paper's alone."""
+"""Whatever shows contacts does so for every law of a contact, not for the paper's alone."""
 
 from __future__ import annotations
 

@@ -76,9 +76,9 @@ CONTACTS: list[Case] = [
 
 def ranged(what: str, key: str, values: tuple[str | float, ...], **options) -> list[Encounter]:
     """Tetrahedra that meet, under each value of one key."""
-    told = f"tries the ends of the range of {key}"
+    purpose = f"tries the ends of the range of {key}"
     return [
-        Encounter(f"{what} = {value}", told, *TETRAHEDRON, changes={key: value}, **options)
+        Encounter(f"{what} = {value}", purpose, *TETRAHEDRON, changes={key: value}, **options)
         for value in values
     ]
 
