@@ -77,6 +77,12 @@ class RunDataset:
     def label(self) -> str:
         return f"{self.stress:.4g} Pa"
 
+    @property
+    def doublings(self) -> int:
+        """How often the sample was doubled by an exact copy, after which its aggregates are not independent."""
+        volume = self.series["volume"].values
+        return int(np.log2(volume[-1] / volume[0]) + 0.5)
+
     # Time
 
     @property
