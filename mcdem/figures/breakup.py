@@ -225,7 +225,5 @@ def draw_largest_fragment(numbers: xr.Dataset) -> Canvas:
     axes.set_ylim(0, None)
     axes.set(xlabel="largest fragment over parent", ylabel=f"share of breakups per {step:g}")
     headline(axes, f"{float(numbers.attrs['stress']):.4g} Pa")
-    legend_below(
-        figure, f"bars: 95 % limits; of a bin without any: below {max(empties):.1g} or less", ncols=1
-    )
+    legend_below(figure, f"bars: 95 % limits; of a bin without any: below {max(empties):.1g}", ncols=1)
     return figure

@@ -29,12 +29,16 @@ LABELS = {
     "fragment": "error of the\nlargest product",
     "geometry": "error of\nthe shape",
 }
-TOLD, LIMIT = "#DDDDDD", BLUE
+ROW = "#DDDDDD"
 
 
 def worst_limit(price: Price) -> float:
     """The largest 95 % limit of the errors that are sampled."""
     return float(np.max(price.limit[1:]))
+
+
+def _named(price: Price) -> str:
+    return price.setting.name.replace("_", " ") + (" *" if price.setting.of_physics else "")
 
 
 def draw_front(prices: Sequence[Price], path: Path, name: str, count: int) -> None:
@@ -65,33 +69,29 @@ def draw_front(prices: Sequence[Price], path: Path, name: str, count: int) -> No
             width_ratios=(1.3, 1, 1, 1, 1),
         )
         time = grid[0]
-        for row, p in zip(rows, shown, strict=True):
-            tint = VERMILION if p.setting.name in best else GREY
-            spread = 1e3 * p.time_error if np.isfinite(p.time_error) else 0.0
+        cpu = np.array([1e3 * p.cpu_time for p in shown])
+        spread = np.nan_to_num([1e3 * p.time_error for p in shown], posinf=0.0)
+        first = np.array([p.setting.name in best for p in shown])
+        for chosen, tint, words in (
+            (first, VERMILION, "no other has both less time and lower limits"),
+            (~first, GREY, None),
+        ):
+            ends = [np.minimum(spread, 0.99 * cpu)[chosen], spread[chosen]]
             time.errorbar(
-                1e3 * p.cpu_time, row, xerr=[[min(spread, 0.99e3 * p.cpu_time)], [spread]], fmt="o", ms=3, color=tint,
-                elinewidth=0.8,
-            )  # fmt: skip
+                cpu[chosen], rows[chosen], xerr=ends, fmt="o", ms=3, color=tint, elinewidth=0.8, label=words
+            )
         if reference is not None:
             time.axvline(1e3 * reference.cpu_time, color=GREY, lw=0.8, ls=":", label="reference")
-        time.plot(
-            [],
-            [],
-            "o",
-            ms=3,
-            color=VERMILION,
-            label="on the front: no other has both less time and lower limits",
-        )
         time.set(xscale="log", xlabel="CPU time of an\nencounter [ms]")
-        plain_ticks(time.xaxis)
-        time.set_yticks(rows, [p.setting.name.replace("_", " ") for p in shown], fontsize=SMALL)
+        plain_ticks(time.xaxis, 3)
+        time.set_yticks(rows, [_named(p) for p in shown], fontsize=SMALL)
         time.set_ylim(-0.8, len(shown) - 0.2)
         for k, quantity in enumerate(QUANTITIES):
             _draw_errors(grid[1 + k], rows, shown, k)
             grid[1 + k].set_xlabel(LABELS[quantity])
         for axes in grid:
             axes.set_axisbelow(True)
-            axes.grid(axis="y", color=TOLD, lw=0.4)
+            axes.grid(axis="y", color=ROW, lw=0.4)
             axes.tick_params(axis="y", length=0)
         headline(time, f"{name}, {count} encounters")
         legend_below(figure, "errors against the reference; * changes physics, not only numerics", ncols=2)
@@ -106,18 +106,24 @@ def _draw_errors(axes: Axes, rows: np.ndarray, shown: Sequence[Price], quantity:
     if not known.size:
         axes.set(xticks=[])
         return
-    low, high = 0.5 * max(known.min(), 1e-4 * known.max()), 2.0 * known.max()
-    for row, value, top in zip(rows, error, limit, strict=True):
-        if not np.isfinite(top) or not value >= 0.0:
-            continue
-        if value > low:
-            axes.plot([value, max(top, value)], [row, row], color=LIMIT, lw=0.8)
-            axes.plot(value, row, "o", ms=3, color=LIMIT)
-        elif top > low:
-            axes.plot([low, top], [row, row], color=LIMIT, lw=0.5, alpha=0.5)
-            axes.plot(top, row, "<", ms=3.5, color=LIMIT, mfc="white", mew=0.7)
-    axes.plot([], [], "o-", ms=3, lw=0.8, color=LIMIT, label="error and its 95 % limit")
-    axes.plot([], [], "<", ms=3.5, color=LIMIT, mfc="white", label="no difference seen: below")
+    high = 2.0 * known.max()
+    low = min(0.5 * max(known.min(), 1e-4 * high), high / 30.0)
+    told = np.isfinite(limit) & (error >= 0.0)
+    seen, unseen = told & (error > low), told & (error <= low) & (limit > low)
+    end = np.maximum(limit, error)
+    axes.hlines(rows[seen], error[seen], end[seen], color=BLUE, lw=0.8)
+    axes.plot(error[seen], rows[seen], "o", ms=3, color=BLUE, label="error, and its 95 % limit")
+    axes.hlines(rows[unseen], low, end[unseen], color=BLUE, lw=0.4)
+    axes.plot(
+        end[unseen],
+        rows[unseen],
+        "<",
+        ms=3.5,
+        color=BLUE,
+        mfc="white",
+        mew=0.7,
+        label="no difference seen: below",
+    )
     axes.set(xscale="log")
     axes.set_xlim(low, high)
-    plain_ticks(axes.xaxis)
+    plain_ticks(axes.xaxis, 3)

@@ -234,7 +234,7 @@ def draw_bond_tension(numbers: xr.Dataset) -> Canvas:
     axes.set_ylim(0, 1.02)
     axes.set(
         xlabel=r"tension over pull-off force  $F_{adh}$",
-        ylabel="share of encounters pulled harder",
+        ylabel="share pulled harder",
     )
     small_print = "encounters in which a bond was pulled; bands: 95 %"
     if few:

@@ -5,6 +5,7 @@ Words go above a panel (`headline`) or below the figure (`legend_below`); no pan
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -15,7 +16,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 # Okabe & Ito (2008)
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
@@ -81,9 +82,17 @@ def canvas(width: float = COLUMN, height: float = 2.7, **subplots: Any) -> tuple
     return figure, figure.subplots(**subplots)
 
 
+LETTERS = 19.0
+"""Of small print, on an inch."""
+
+
 def headline(axes: Axes, text: str) -> None:
-    """Small print above a panel: what it is of, counts, tests."""
-    axes.set_title(text, loc="left", fontsize=SMALL, color=PRINT, pad=4)
+    """Small print above a panel: what it is of, counts, tests; in as many lines as its width asks for."""
+    figure, grid = axes.figure, axes.get_gridspec()
+    columns = grid.ncols if grid is not None else 1
+    width = int(LETTERS * figure.get_size_inches()[0] / columns) if columns < 3 else 80
+    lines = "\n".join(textwrap.wrap(text, max(width - 8, 24)))
+    axes.set_title(lines, loc="left", fontsize=SMALL, color=PRINT, pad=4)
 
 
 def legend(axes: Axes, small_print: str = "", **keywords: Any) -> None:
@@ -122,14 +131,36 @@ def own_ticks(axis: Axis, values: np.ndarray) -> None:
     axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.4g}"))
 
 
-def plain_ticks(axis: Axis) -> None:
-    """Plain numbers on a logarithmic axis: 1, 2, 5 of each decade of a short one, the decades of a long one."""
+STEPS = (
+    (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0),
+    (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),
+    (1.0, 2.0, 5.0),
+    (1.0,),
+)
+"""Ticks within a decade, from many to few."""
+
+
+def plain_ticks(axis: Axis, most: int = 7) -> None:
+    """Plain numbers on a logarithmic axis whose ends are set, `most` of them at most."""
     low, high = axis.get_view_interval()
-    decades = np.log10(high / low)
-    subs = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if decades < 0.9 else (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
-    axis.set_major_locator(LogLocator(subs=subs, numticks=20))
+    decades = np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    for steps in STEPS:
+        ticks = np.outer(10.0**decades, steps).ravel()
+        ticks = ticks[(ticks >= low) & (ticks <= high)]
+        if len(ticks) <= most:
+            break
+    else:
+        ticks = ticks[:: -(-len(ticks) // most)]
+    axis.set_major_locator(FixedLocator(ticks.tolist()))
     axis.set_minor_locator(NullLocator())
-    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axis.set_major_formatter(FuncFormatter(_number))
+
+
+def _number(x: float, _: int) -> str:
+    exponent = np.log10(x)
+    if not -3.5 < exponent < 4.5 and abs(exponent - round(exponent)) < 1e-9:
+        return f"$10^{{{round(exponent)}}}$"
+    return f"{x:g}"
 
 
 def opacity(points: int) -> float:
