@@ -72,12 +72,12 @@ def tension_scale(t: Trajectory) -> tuple[float, str, str]:
     end = next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= share * (1 - 1e-9))
     if np.isfinite(t.pull_off_force):
         end = min(end, 1.0)
-    return end * unit, f"{end:.1g}", words
+    return float(end * unit), f"{end:.1g}", words
 
 
 def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
     """Pictures (height, width, 3) one after another: spheres by parent; bonds by tension (`tension_scale`)."""
-    scale, ends, unit = tension_scale(t)
+    scale, full, unit = tension_scale(t)
     colours = ScalarMappable(Normalize(-1, 1), mpl.colormaps["coolwarm"])
     tints = PARENTS[t.parent]
     tall = round(width / ASPECT)
@@ -106,7 +106,7 @@ def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
         bar = figure.add_axes((0.62, 0.66 * strip / height, 0.34, 0.24 * strip / height))
         scale_bar = figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=[-1, 0, 1])
         scale_bar.ax.tick_params(length=0, pad=1)
-        scale_bar.ax.set_xticklabels([f"push {ends}", "0", f"{ends} pull"], fontsize=0.9 * size)
+        scale_bar.ax.set_xticklabels([f"push {full}", "0", f"{full} pull"], fontsize=0.9 * size)
         figure.text(0.565, 0.62 * strip / height, f"bond tension [{unit}]", fontsize=0.85 * size, ha="right")
         pictures: list[AxesImage] = []
         for k, half in enumerate(half_widths(t)):
@@ -126,7 +126,7 @@ def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
                 else:
                     pictures[place].set_data(image)
             clock.set_text(rf"strain $\dot\gamma t$ = {t.strain[k]:5.1f}")
-            strongest = max(float(tension.max(initial=0.0)), 0.0) / scale * float(ends)
+            strongest = max(float(tension.max(initial=0.0)), 0.0) / scale * float(full)
             count.set_text(f"{len(pairs)} bonds, strongest pull {strongest:.2g} {unit}")
             agg.draw()
             yield np.asarray(agg.buffer_rgba())[:, :, :3].copy()

@@ -14,11 +14,15 @@ from mcdem.effects.sums import contact_equilibrium, contact_force, contact_pull_
 from mcdem.figures.figure import Figure, NothingToShowError, quantity
 from mcdem.figures.style import (
     BLACK,
+    BLUE,
     COLUMN,
+    GREEN,
     GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
     VERMILION,
     canvas,
-    colour,
     headline,
     legend_below,
     plain_ticks,
@@ -29,6 +33,8 @@ NANOMETRE = 1e-9
 """[m], and nanonewtons [N]."""
 LENGTHS = 14.0
 """How many of its shortest lengths Fig. 5 spans."""
+TINTS = (BLUE, GREEN, PURPLE, ORANGE, SKY)
+"""Of the forces apart, none of them the contact's."""
 FARTHEST, WEAKEST = 0.3, 1e-6
 """The range of the forces: gaps [a] up to where the sum is this part of its largest."""
 
@@ -134,7 +140,7 @@ def _draw_near(axes: Axes, numbers: xr.Dataset) -> None:
             axes.plot(
                 gap,
                 numbers["each_apart"][k] / NANOMETRE,
-                color=colour(k),
+                color=TINTS[k % len(TINTS)],
                 lw=0.8,
                 label=str(numbers["law"][k].item()),
             )
@@ -170,7 +176,8 @@ def _draw_range(axes: Axes, numbers: xr.Dataset) -> None:
     gap = numbers["gap_far"].values / NANOMETRE
     total = numbers["force_far"].values / NANOMETRE
     series = [
-        (numbers["each_far"][k].values / NANOMETRE, colour(k), 0.8) for k in range(numbers.sizes["law"])
+        (numbers["each_far"][k].values / NANOMETRE, TINTS[k % len(TINTS)], 0.8)
+        for k in range(numbers.sizes["law"])
     ]
     for values, tint, thick in (*series, (total, BLACK, 1.4)):
         for sign, line in ((1, "-"), (-1, "--")):
@@ -181,7 +188,7 @@ def _draw_range(axes: Axes, numbers: xr.Dataset) -> None:
     top = 30.0 * float(np.nanmax(np.where(total < 0, -total, np.nan), initial=0.0)) or float(
         np.abs(total).max()
     )
-    reached = gap[np.abs(total) >= WEAKEST * min(top, np.abs(total).max())]
+    reached = gap[np.abs(total) >= WEAKEST * top]
     axes.set(
         xscale="log", yscale="log", xlabel="surface gap  $h$ [nm]", ylabel="size of the force  $|F|$ [nN]"
     )

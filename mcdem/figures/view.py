@@ -62,7 +62,7 @@ def encounter_page(t: Trajectory) -> str:
     t = t.part(0, t.frames, max(1, -(-t.frames // MOST_FRAMES)))
     # seen as the film shows it: flow to the right, gradient up
     about = (t.positions - t.positions.mean(axis=1, keepdims=True))[:, :, [2, 1, 0]] * [1, 1, -1] / t.radius
-    scale, ends, unit = tension_scale(t)
+    scale, full, unit = tension_scale(t)
     bonds = [t.bonds(k) for k in range(t.frames)]
     slots = max(1, *(len(pairs) for pairs, _ in bonds))
     points, vertices, colours = {}, {}, {}
@@ -108,7 +108,7 @@ def encounter_page(t: Trajectory) -> str:
         plot,
         title,
         "flow to the right, gradient up; blue i, orange j; bonds blue pushed, red pulled, "
-        f"full colour at {ends} {unit.replace('$F_{adh}$', 'F_adh')}",
+        f"full colour at {full} {unit.replace('$F_{adh}$', 'F_adh')}",
         t.strain,
     )
 

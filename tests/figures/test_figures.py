@@ -3,9 +3,11 @@
 from dataclasses import replace
 from functools import cache
 
+import effects_family
 import numpy as np
 import pytest
 import xarray as xr
+from overlaps import overlaps
 from PIL import Image
 from small_runs import small_runs
 from trimer import turning_trimer
@@ -14,8 +16,9 @@ from typer.testing import CliRunner
 from mcdem.analysis.breakup import CONVENTIONS, in_convention
 from mcdem.analysis.dataset import RunDataset
 from mcdem.commands.main import app
+from mcdem.effects.sums import non_contact_force
 from mcdem.encounter import trajectory
-from mcdem.figures import breakup, draw_all, figures_of, plot_run
+from mcdem.figures import breakup, draw_all, figures_of, look, pair_force, plot_run
 from mcdem.figures.encounter import moments
 
 PAPER = {"fig05", "fig06a", "fig06b", "fig07", "fig08a", "fig08b", "fig09", "fig10", "fig11"}
@@ -101,6 +104,24 @@ def test_pair_force_has_the_papers_scales():
     at_equilibrium = np.interp(numbers["equilibrium_gap"], numbers["gap_attached"], numbers["force_attached"])
     assert abs(at_equilibrium) < 1e-11
     assert (numbers.attrs["apart"], numbers.attrs["attached"]) == ("van der Waals", "JKR")
+
+
+@pytest.mark.parametrize(
+    "names", [("van_der_waals", "double_layer", "jkr"), ("van_der_waals", "steric"), ("steric",), ("jkr",)]
+)
+def test_pair_force_shows_every_force_of_the_scene_and_their_sum(names):
+    whole = effects_family.scene(*names)
+    figure = pair_force(whole)
+    numbers, forces = figure.numbers, whole.kernels.pair_forces
+    assert numbers.sizes["law"] == len(forces)
+    for gap, force in (("gap_apart", "force_apart"), ("gap_far", "force_far")):
+        every = slice(None, None, 40)
+        gaps = numbers[gap].values[every] / whole.reduced.length
+        summed = [non_contact_force(h, 1.0, forces)[0] * whole.reduced.force for h in gaps] if forces else 0.0
+        np.testing.assert_allclose(numbers[force].values[every], summed, rtol=1e-12, atol=1e-30)
+    assert ("force_attached" in numbers) == ("jkr" in names)
+    with look():
+        assert overlaps(figure.draw(numbers)) == []
 
 
 def test_initial_slope_is_that_of_equation_22():
