@@ -62,12 +62,16 @@ def critical_size(runs: Sequence[RunDataset]) -> Figure:
             "1",
             words,
         )
+    if not numbers["breakups"].values.any():
+        raise NothingToShowError("fig15_critical_size: no breakup in what counts of any of the runs")
     series = {
         "mean_size": numbers["mean_size"].values,
         **{f"P_br_{r}": numbers["P_br"].sel(convention=r).values for r in CONVENTIONS},
     }
     for name, values in series.items():
         known = np.isfinite(values)
+        if name == "mean_size" and numbers["steady"].values.sum() < OF_MEANS.origins:
+            known[:] = False
         fit = fit_power_law(stresses[known], values[known], minimum=OF_MEANS) if known.any() else None
         limits = [fit.exponent, fit.exponent_low, fit.exponent_high] if fit else [np.nan] * 3
         numbers[f"exponent_{name}"] = quantity(
@@ -107,6 +111,7 @@ def draw_critical_size(numbers: xr.Dataset) -> Canvas:
         ("s", BLACK, mean, numbers["mean_size"], numbers["mean_size_error"], numbers["size_deviation"])
     )
     closest = np.diff(np.log(stress)).min()
+    steady, ends = numbers["steady"].values, list[float]()
     for k, (marker, tint, label, value, error, deviation) in enumerate(series):
         known = np.isfinite(value.values)
         if not known.any():
@@ -114,14 +119,23 @@ def draw_critical_size(numbers: xr.Dataset) -> Canvas:
         # Beside each other about their stress, the whole group within a third of the distance to the next.
         x = stress * np.exp(min(0.03, 0.12 * closest) * (k - 1.5))
         y, spread = value.values, np.nan_to_num(deviation.values)
-        axes.errorbar(
-            x[known], y[known], np.minimum(spread, 0.999 * y)[known], fmt="none", ecolor=tint, elinewidth=0.6
-        )
+        axes.errorbar(x[known], y[known], spread[known], fmt="none", ecolor=tint, elinewidth=0.6)
         limits = 2 * np.where(np.isfinite(error.values), error.values, 0.0)
-        axes.errorbar(
-            x[known], y[known], np.minimum(limits, 0.999 * y)[known], fmt=marker, color=tint, ms=3.5, capsize=2.5,
-            elinewidth=1.4, label=label,
-        )  # fmt: skip
+        bars = axes.errorbar(
+            x[known],
+            y[known],
+            limits[known],
+            fmt=marker,
+            color=tint,
+            ms=3.5,
+            capsize=2.5,
+            elinewidth=1.4,
+            label=label,
+        )
+        ends.append(y[known].min())
+        if k == len(series) - 1 and not steady.all():
+            bars.lines[0].set_markerfacecolor("none")
+            axes.plot(x[steady], y[steady], marker, color=tint, ms=3.5)
         if numbers.attrs["paper"] and k in (0, 3):
             anchor = np.mean(np.log(y[known]) + paper.BREAKUP_EXPONENT * np.log(stress[known]))
             axes.plot(
@@ -132,16 +146,18 @@ def draw_critical_size(numbers: xr.Dataset) -> Canvas:
         xscale="log", yscale="log", xlabel=r"shear stress  $\mu\dot\gamma$ [Pa]", ylabel="number of primaries"
     )
     axes.set_xlim(stress[0] * np.exp(-0.5 * closest), stress[-1] * np.exp(0.5 * closest))
+    # A deviation as large as its mean reaches to nought, which such an axis has not.
+    axes.set_ylim(0.5 * min(ends), axes.get_ylim()[1])
     own_ticks(axes.xaxis, stress)
     plain_ticks(axes.yaxis)
     counts = numbers["breakups"].values[numbers["breakups"].values > 0]
     told = f"{int(counts.min())} to {int(counts.max())} breakups a point" if counts.size else "no breakups"
-    if not bool(numbers["steady"].all()):
-        told += "; not all runs are steady"
     headline(axes, told)
     small_print = (
         "thick: 95 % limits of the mean; thin: standard deviation;\npoints of one stress beside each other"
     )
+    if not steady.all():
+        small_print += "\nopen: $\\langle P\\rangle$ of a run that is not steady"
     if numbers.attrs["no_exponent"]:
         small_print += f"\n{numbers.attrs['no_exponent']}"
     legend_below(figure, small_print, ncols=1)

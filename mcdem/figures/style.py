@@ -88,10 +88,13 @@ LETTERS = 19.0
 
 def headline(axes: Axes, text: str) -> None:
     """Small print above a panel: what it is of, counts, tests; in as many lines as its width asks for."""
-    figure, grid = axes.figure, axes.get_gridspec()
-    columns = grid.ncols if grid is not None else 1
-    width = int(LETTERS * figure.get_size_inches()[0] / columns) if columns < 3 else 80
-    lines = "\n".join(textwrap.wrap(text, max(width - 8, 24)))
+    place = axes.get_subplotspec()
+    portion = 1.0
+    if place is not None:
+        ratios = np.array(place.get_gridspec().get_width_ratios() or [1.0] * place.get_gridspec().ncols)
+        portion = ratios[place.colspan.start : place.colspan.stop].sum() / ratios.sum()
+    letters = int(LETTERS * (portion * axes.figure.get_size_inches()[0] - 0.4))
+    lines = "\n".join(textwrap.wrap(text, max(letters, 24)))
     axes.set_title(lines, loc="left", fontsize=SMALL, color=PRINT, pad=4)
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import toy_encounters
 from overlaps import overlaps
 from small_runs import SCENES
-from toy_encounters import toy_encounter
 from trimer import turning_trimer
 
 from mcdem.analysis.accuracy_cost import Price, Setting, settings_of
@@ -24,7 +24,7 @@ def toy_run(folder, stress, events):
         {"flow.shear_stress": f"{stress} Pa", "population.initial": 30, "run.until": None}
     )
     path = folder / f"run-{stress}Pa.nc"
-    run(scene, path, events=events, encounter=toy_encounter)
+    run(scene, path, events=events, encounter=toy_encounters.toy_encounter)
     return RunDataset(path)
 
 
@@ -39,6 +39,7 @@ LEGS = {
 def test_no_text_lies_over_another_or_over_data(leg, tmp_path, monkeypatch):
     monkeypatch.setattr(early_growth, "computed_efficiency", lambda scene: 0.075)
     if leg == "stresses":
+        monkeypatch.setattr(toy_encounters, "CRITICAL", 4)
         # Those of one stress are drawn by the other two.
         monkeypatch.setattr(album, "OF_ONE_STRESS", ())
     runs, left_out, amiss, names = LEGS[leg](tmp_path), [], {}, []

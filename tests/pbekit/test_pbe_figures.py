@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import xarray as xr
 from overlaps import overlaps
+from pbe_synthetic import RADIUS, SHEAR_RATE, design
 
 from pbekit import figures
 from pbekit.study.compare import Comparison
+from pbekit.tables.kernel_table import KernelTable
 
 SIZES = np.arange(1.0, 41.0)
 SWITCHES = ["as tabulated", "products forget the parents' shape", "outcomes by the fitted law alone"]
@@ -97,7 +99,15 @@ def over_stresses(leg):
     return data, runs, etas
 
 
+def table(leg):
+    """Three encounters, very many, and many of primaries alone."""
+    count, largest = {"small": (3, 3), "large": (4000, 60)}.get(leg, (300, 1))
+    records = design(np.random.default_rng(1), count, largest)
+    return KernelTable.of(records, RADIUS, SHEAR_RATE, shape_edges=None)
+
+
 DRAWN = {
+    "table": lambda leg, path: figures.draw_table(table(leg), path),
     "course": lambda leg, path: figures.draw_course(comparison(leg), path),
     "distribution": lambda leg, path: figures.draw_distribution(comparison(leg), path),
     "switches": lambda leg, path: figures.draw_switches(comparison(leg), path),
