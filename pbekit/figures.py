@@ -387,7 +387,7 @@ def draw_table(table: KernelTable, path: Path) -> Path:
             top = float(np.nanmax(values, initial=0.0)) or 1.0
             norm = LogNorm(1.0, max(top, 10.0)) if key == "trials" else Normalize(0.0, top)
             mesh = ax.pcolormesh(edges, edges, values, cmap="viridis", norm=norm)
-            # What no encounter tells is not what seldom happens.
+            # Where no encounter was followed, nothing is known, not nought.
             ax.set_facecolor("#E4E4E4")
             if key != "trials":
                 words = f"of fewer than {FEW_TRIALS} encounters"

@@ -45,7 +45,7 @@ def draw_front(prices: Sequence[Price], path: Path, name: str, count: int) -> No
     """Draw CPU time and errors of every setting, cheapest first.
 
     An error is a dot with its 95 % limit; where nothing differed there is no dot but an arrow from the limit to the left, since
-    nothing is not nought. Rows, not points on a plane of error and time: their names have room however close two settings are.
+    nothing is not nought. Rows, not points on a plane of error and time: names never overlap, however close two settings are.
 
     Raises
     ------

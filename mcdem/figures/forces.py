@@ -48,11 +48,11 @@ def pair_force(scene: Scene) -> Figure:
     shortest = (effects.step_length or 1e-3 * units.length) / units.length
     near = np.linspace(0.0, LENGTHS * shortest, 400)
     far = np.geomspace(0.3 * shortest, FARTHEST, 400)
-    parameters = scene.kernels.pair_forces
+    forces = [effect.force for name in apart_laws if isinstance(effect := EFFECTS[name], PairForce)]
     each = np.array(
         [
-            [[EFFECTS[name].force(h, 1.0, law)[0] for h in gaps] for gaps in (near, far)]
-            for name, law in zip(apart_laws, parameters, strict=True)
+            [[force(h, 1.0, law)[0] for h in gaps] for gaps in (near, far)]
+            for force, law in zip(forces, scene.kernels.pair_forces, strict=True)
         ]
     ).reshape(len(apart_laws), 2, 400)
     numbers = xr.Dataset(

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
+from numpy.typing import ArrayLike
 
 from mcdem.analysis import paper
 from mcdem.analysis.dataset import RunDataset
@@ -58,7 +60,7 @@ def history(runs: Sequence[RunDataset], name: str, scale: float = 1.0) -> xr.Dat
     )
 
 
-def steps(axes: Axes, time: object, values: object, **keywords: object) -> None:
+def steps(axes: Axes, time: ArrayLike, values: ArrayLike, **keywords: Any) -> None:
     """A series that holds each of its values until the next encounter."""
     axes.plot(time, values, drawstyle="steps-post", **keywords)
 

@@ -152,10 +152,10 @@ def draw_exponents_in_time(numbers: xr.Dataset) -> Canvas:
             )
             axes.plot(t[0], first, ">", color=tint, ms=5, clip_on=False, label=f"{words}, paper, at first")
     shown = numbers["course"].sel(given="size", limit="exponent").values
-    low, high = np.nanmin(shown), np.nanmax(shown)
+    least, most = float(np.nanmin(shown)), float(np.nanmax(shown))
     if numbers.attrs["paper"]:
-        low, high = min(low, 1.5), max(high, 2.1)
-    axes.set_ylim(max(low - 0.6, 0.0), high + 0.6)
+        least, most = min(least, 1.5), max(most, 2.1)
+    axes.set_ylim(max(least - 0.6, 0.0), most + 0.6)
     axes.set_xlim(0, max(t[-1], 1e-9))
     axes.set(xlabel="process time  $t$ [s]", ylabel="exponent of $P$ against length")
     headline(axes, f"length on $P$, aggregates of $P > 3$, {float(numbers.attrs['stress']):.4g} Pa")

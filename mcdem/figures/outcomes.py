@@ -76,7 +76,7 @@ def outcome_offset(runs: Sequence[RunDataset]) -> Figure:
 
 
 A_CURVE = 10
-"""Encounters below which the limits of a distribution cover all of it: the number is told instead."""
+"""Encounters below which the limits of a distribution cover all of it: the number is given instead."""
 MOST_SHOWN = 1500
 """Points of one outcome: more would hide each other. The legend says of how many each is one."""
 

@@ -55,7 +55,8 @@ def draw_histogram(axes: Axes, edges: np.ndarray, numbers: xr.Dataset, density: 
     """The last snapshot with its 95 % limits over the mean of the stretch; returns the limits (3, bins).
 
     numbers : `count` by bin, `steady_share` and `steady_scatter`; attributes `independent`, how many aggregates the limits are
-    of, `last`, what the counts are of, `snapshots` and `stretch`.  Bins that hold none have no bar: `empty` tells theirs
+    of, `last`, what the counts are of, `snapshots` and `stretch`.  Bins that hold none have no bar: `empty` says what that
+    leaves possible
     """
     unit = np.diff(edges) if density else 1.0
     count = numbers["count"].values

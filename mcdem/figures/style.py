@@ -93,7 +93,7 @@ def headline(axes: Axes, text: str) -> None:
     if place is not None:
         ratios = np.array(place.get_gridspec().get_width_ratios() or [1.0] * place.get_gridspec().ncols)
         portion = ratios[place.colspan.start : place.colspan.stop].sum() / ratios.sum()
-    letters = int(LETTERS * (portion * axes.figure.get_size_inches()[0] - 0.4))
+    letters = int(LETTERS * (portion * axes.figure.bbox.width / axes.figure.dpi - 0.4))
     lines = "\n".join(textwrap.wrap(text, max(letters, 24)))
     axes.set_title(lines, loc="left", fontsize=SMALL, color=PRINT, pad=4)
 

@@ -18,12 +18,20 @@ from mcdem.analysis.dataset import RunDataset
 from mcdem.commands.main import app
 from mcdem.effects.sums import non_contact_force
 from mcdem.encounter import trajectory
-from mcdem.figures import breakup, draw_all, figures_of, look, pair_force, plot_run
+from mcdem.figures import breakup, draw_all, figures_of, look, pair_force, plot_run, style
 from mcdem.figures.encounter import moments
 
 PAPER = {"fig05", "fig06a", "fig06b", "fig07", "fig08a", "fig08b", "fig09", "fig10", "fig11"}
 PAPER |= {"fig12a", "fig12b", "fig13", "fig14", "fig15", "fig16", "table2"}
 NEW = {"isostaticity", "outcome_offset", "first_bond_loss", "bond_tension"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_pictures():
+    """Print's resolution takes its time, and shows nothing here that a screen's does not."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(style.RC, "savefig.dpi", 60)
+        yield
 
 
 @pytest.fixture(scope="module")
