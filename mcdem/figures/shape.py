@@ -91,7 +91,8 @@ def draw_solid_fraction(numbers: xr.Dataset) -> Canvas:
     plain_ticks(axes.xaxis)
     axes.set_ylim(0, None)
     headline(axes, f"{plural(len(p), 'aggregate')} of $P > 3$, {float(numbers.attrs['stress']):.4g} Pa")
-    legend_below(figure, "lines: medians; mass in points makes the ellipsoid too small")
+    lines = "lines: medians; " if len(axes.lines) > 1 else ""
+    legend_below(figure, f"{lines}mass in points makes the ellipsoid too small")
     return figure
 
 

@@ -48,10 +48,9 @@ def static_load(runs: Sequence[RunDataset]) -> Figure:
     same = origins_of(size[rigid], load[rigid])
     fit = fit_power_law(size[rigid], load[rigid], same)
     if fit is None:
-        missing = why_no_fit(size[rigid], same)
-        raise NothingToShowError(
-            f"static_load: {int(rigid.sum())} of {len(size)} aggregates of P > 3 at {runs[0].label} are rigid: {missing}"
-        )
+        rigid_of = f"{int(rigid.sum())} of {len(size)} aggregates of P > 3 at {runs[0].label} are rigid"
+        missing = f": {why_no_fit(size[rigid], same)}" if rigid.any() else ""
+        raise NothingToShowError(f"static_load: {rigid_of}{missing}")
     numbers = xr.Dataset(
         {
             "size": quantity(size[rigid], "aggregate", "1", "number of primaries"),

@@ -7,6 +7,7 @@ import effects_family
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.patches import StepPatch
 from overlaps import overlaps
 from PIL import Image
 from small_runs import small_runs
@@ -18,7 +19,7 @@ from mcdem.analysis.dataset import RunDataset
 from mcdem.commands.main import app
 from mcdem.effects.sums import non_contact_force
 from mcdem.encounter import trajectory
-from mcdem.figures import breakup, draw_all, figures_of, look, pair_force, plot_run, style
+from mcdem.figures import bonds, breakup, draw_all, figures_of, growth, look, pair_force, plot_run, style
 from mcdem.figures.encounter import moments
 
 PAPER = {"fig05", "fig06a", "fig06b", "fig07", "fig08a", "fig08b", "fig09", "fig10", "fig11"}
@@ -90,6 +91,38 @@ def test_distributions_count_every_aggregate():
     for convention in CONVENTIONS:
         counted = int(numbers_of("fig16")["count"].sel(convention=convention).sum())
         assert counted == (late & in_convention(run.breakups, convention)).sum() > 0
+
+
+def test_a_thinned_series_keeps_its_ends_and_extremes():
+    time = np.arange(100_000.0)
+    values = np.sin(time / 5000.0)
+    values[[31_415, 92_653]] = 7.0, -7.0
+    t, v = growth.thin(time, values)
+    assert len(t) <= growth.MOST_POINTS + 2 and (np.diff(t) > 0).all()
+    assert (t[0], t[-1], v.min(), v.max()) == (time[0], time[-1], -7.0, 7.0)
+    np.testing.assert_array_equal(v, values[t.astype(int)])
+
+
+@pytest.mark.parametrize("name", ["fig08a", "fig08b", "fig12a"])
+def test_the_mean_of_the_stretch_lies_on_the_bins_of_the_histogram(name):
+    figure = next(f for f in figures_at_1000_pa() if f.name.startswith(name))
+    with look():
+        steps = [
+            patch for patch in figure.draw(figure.numbers).axes[0].patches if isinstance(patch, StepPatch)
+        ]
+    assert len(steps) == 3  # last snapshot, mean of the stretch, its scatter
+    for one in steps:
+        np.testing.assert_array_equal(one.get_data().edges, figure.numbers["edge"])
+
+
+def test_one_aggregate_far_from_isostatic_does_not_squeeze_the_others():
+    numbers = numbers_of("isostaticity").isel(aggregate=np.zeros(200, dtype=int)).copy(deep=True)
+    numbers["bond_count"][:] = numbers["isostatic_bond_count"]
+    numbers["bond_count"][0] -= 40
+    with look():
+        axes = bonds.draw_isostaticity(numbers).axes[0]
+    assert np.ptp(axes.get_ylim()) < 8
+    assert any("beyond: 1, to -40" in text for text in axes.get_legend_handles_labels()[1])
 
 
 def test_stresses_may_have_any_number_of_replicas():
