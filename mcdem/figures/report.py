@@ -21,7 +21,7 @@ from mcdem.encounter.capture_efficiency import van_de_ven_mason
 from mcdem.errors import UserError
 from mcdem.figures import figures_of
 from mcdem.figures.outcomes import pull_off_force
-from mcdem.figures.style import look, plural
+from mcdem.figures.style import COLUMN, look, plural
 from mcdem.netcdf.whole_files import FILES
 from mcdem.scene import describe
 
@@ -150,8 +150,10 @@ def report(file: Path | str) -> str:
     for figure in figures_of([run], left_out=left_out.append):
         buffer = io.BytesIO()
         with look():
-            figure.draw(figure.numbers).savefig(buffer, format="png", dpi=150)
-        pictures.append((figure.name, figure.caption, base64.b64encode(buffer.getvalue()).decode()))
+            drawn = figure.draw(figure.numbers)
+            drawn.savefig(buffer, format="png", dpi=150)
+        is_wide = drawn.get_size_inches()[0] > 1.3 * COLUMN
+        pictures.append((figure.name, figure.caption, base64.b64encode(buffer.getvalue()).decode(), is_wide))
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
