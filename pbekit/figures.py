@@ -11,6 +11,7 @@ import xarray as xr
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
@@ -341,7 +342,7 @@ def _length(ends: np.ndarray) -> np.ndarray:
 
 
 FEW_TRIALS = 10
-"""Encounters below which a share is no more than a hint: hatched."""
+"""Encounters below which a share is no more than a hint: marked by a dot."""
 
 
 def draw_table(table: KernelTable, path: Path) -> Path:
@@ -372,21 +373,44 @@ def draw_table(table: KernelTable, path: Path) -> Path:
         {"size_i": table.size_edges[:-1], "size_j": table.size_edges[:-1]},
     )
     panels = (
-        ("trials", "trials", "viridis"),
-        ("joined", "share that aggregated", "cividis"),
-        ("scattered", "share that scattered", "magma"),
+        ("trials", "encounters"),
+        ("joined", "share that aggregated"),
+        ("scattered", "share that scattered"),
     )
+    edges = table.size_edges.astype(float)
+    middle = np.sqrt(edges[1:] * edges[:-1])
+    few = np.nonzero((trials > 0) & (trials < FEW_TRIALS))
     with mpl.rc_context(STYLE):
-        figure, axes = _panels(1, 3, figsize=(9.0, 3.0))
-        edges = table.size_edges.astype(float)
-        for ax, (key, label, colours) in zip(axes, panels, strict=True):
+        figure, axes = _panels(1, 3, figsize=(9.0, 3.9))
+        for ax, (key, label) in zip(axes, panels, strict=True):
             values = np.where(trials > 0, data[key], np.nan)
-            norm = "log" if key == "trials" else None
-            mesh = ax.pcolormesh(edges, edges, values, cmap=colours, norm=norm)
-            ax.set(xscale="log", yscale="log", xlabel="$P_i$", ylabel="$P_j$", aspect="equal")
+            top = float(np.nanmax(values, initial=0.0)) or 1.0
+            norm = LogNorm(1.0, max(top, 10.0)) if key == "trials" else Normalize(0.0, top)
+            mesh = ax.pcolormesh(edges, edges, values, cmap="viridis", norm=norm)
+            # Where no encounter was followed, nothing is known, not nought.
+            ax.set_facecolor("#E4E4E4")
             if key != "trials":
-                few = np.where((trials > 0) & (trials < FEW_TRIALS), 1.0, np.nan)
-                ax.pcolor(edges, edges, few, hatch="////", alpha=0.0)
-                label += f"\n(hatched: of fewer than {FEW_TRIALS})"
-            figure.colorbar(mesh, ax=ax, label=label, shrink=0.8)
+                words = f"of fewer than {FEW_TRIALS} encounters"
+                ax.plot(
+                    middle[few[0]],
+                    middle[few[1]],
+                    "o",
+                    ms=1.5,
+                    color="white",
+                    mec="black",
+                    mew=0.3,
+                    label=words,
+                )
+            ax.set(xscale="log", yscale="log", xlabel="$P_i$", ylabel="$P_j$", aspect="equal")
+            ax.set_xlim(edges[0], edges[-1])
+            ax.set_ylim(edges[0], edges[-1])
+            for axis in (ax.xaxis, ax.yaxis):
+                axis.set_major_locator(
+                    LogLocator(subs=(1.0, 3.0) if edges[-1] > 15 else (1.0, 2.0, 3.0, 5.0))
+                )
+                axis.set_major_formatter("{x:g}")
+                axis.set_minor_locator(NullLocator())
+            figure.colorbar(mesh, ax=ax, label=label, location="top", shrink=0.9)
+        axes[0].plot([], [], "s", color="#E4E4E4", label="no encounter")
+        _legend_below(figure, axes)
         return save(figure, data, path)

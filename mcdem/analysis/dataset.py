@@ -46,6 +46,7 @@ class RunDataset:
             with xr.open_dataset(self.path, group="snapshots", decode_times=False) as group:
                 self._snapshots = group.load()
             self.scene = Scene.from_dataset(self.attributes["scene"], self.path)
+            self._populations: dict[tuple[int, Inertia, bool], xr.Dataset] = {}
             self._check()
 
     def _check(self) -> None:
@@ -76,6 +77,12 @@ class RunDataset:
     @property
     def label(self) -> str:
         return f"{self.stress:.4g} Pa"
+
+    @property
+    def doublings(self) -> int:
+        """How often the sample was doubled by an exact copy, after which its aggregates are not independent."""
+        volume = self.series["volume"].values
+        return int(np.log2(volume[-1] / volume[0]) + 0.5)
 
     # Time
 
@@ -169,7 +176,13 @@ class RunDataset:
     def population(
         self, snapshot: int = -1, inertia: Inertia = "points", rigidity: bool = True
     ) -> xr.Dataset:
-        """Morphology of every aggregate of a snapshot, over ``aggregate``."""
+        """Morphology of every aggregate of a snapshot, over ``aggregate``; computed once."""
+        key = (snapshot % len(self.snapshot_times), inertia, rigidity)
+        if key not in self._populations:
+            self._populations[key] = self._population(*key)
+        return self._populations[key].copy()
+
+    def _population(self, snapshot: int, inertia: Inertia, rigidity: bool) -> xr.Dataset:
         positions, sizes, bonds, counts = self._ragged(snapshot)
         found = population_morphology(
             positions, sizes, bonds, counts, self.radius, inertia, rigidity, self._radii(snapshot)

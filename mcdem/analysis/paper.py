@@ -73,10 +73,15 @@ TABLE_2_STRESS = 750.0
 """[Pa]"""
 
 
+def is_suspension(scene: Scene) -> bool:
+    """Whether a scene has Table 1's primaries, volume fraction and shear rate, at whatever stress."""
+    given = [scene.suspension.radius, scene.suspension.volume_fraction, scene.flow.shear_rate]
+    return bool(np.allclose(given, [500e-9, 1e-4, 1e4], rtol=1e-3))
+
+
 def holds_for(scene: Scene, stress: float) -> bool:
     """Whether a scene has Table 1's suspension at a stress [Pa] for which the paper prints a number."""
-    given = [scene.suspension.radius, scene.suspension.volume_fraction, scene.flow.shear_rate]
-    return bool(np.allclose([*given, scene.flow.shear_stress], [500e-9, 1e-4, 1e4, stress], rtol=1e-3))
+    return is_suspension(scene) and bool(np.isclose(scene.flow.shear_stress, stress, rtol=1e-3))
 
 
 STRESSES = (750.0, 875.0, 1000.0)

@@ -29,8 +29,12 @@ def figures(
     """Draw every figure that the datasets allow; each figure's numbers are saved beside it (NetCDF).
 
     Replicas of one shear stress are taken together; what the paper prints is marked where its scene is the run's.
+    A figure that would show nothing is left out, with a line on why.
     """
     from mcdem.figures import draw_all
 
-    for picture in draw_all(files, output):
+    def left_out(line: str) -> None:
+        typer.echo(f"left out: {line}", err=True)
+
+    for picture in draw_all(files, output, left_out):
         typer.echo(picture)

@@ -3,8 +3,10 @@ from .album import figures_of as figures_of
 from .album import plot_run as plot_run
 from .breakup import critical_size as critical_size
 from .clusters import cluster_pictures as cluster_pictures
+from .early_growth import initial_growth as initial_growth
 from .encounter import snapshots as snapshots
 from .figure import Figure as Figure
+from .figure import NothingToShowError as NothingToShowError
 from .film import film as film
 from .forces import pair_force as pair_force
 from .growth import mean_size as mean_size

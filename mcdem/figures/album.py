@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from mcdem.analysis.dataset import RunDataset, by_stress
@@ -10,22 +11,32 @@ from mcdem.encounter import trajectory
 from mcdem.encounter.trajectory import Trajectory
 from mcdem.errors import UserError
 from mcdem.figures import (
+    bonds,
     breakup,
     clusters,
+    early_growth,
     encounter,
     forces,
     growth,
+    mass_size,
     outcomes,
     shape,
     size_distribution,
     strength,
 )
-from mcdem.figures.figure import Figure
+from mcdem.figures.figure import Figure, NothingToShowError
 from mcdem.figures.style import look
 from mcdem.netcdf.whole_files import FILES
 
+
+def _pair_force(runs: Sequence[RunDataset]) -> Figure:
+    return forces.pair_force(runs[0].scene)
+
+
 OF_ALL_RUNS = (
+    _pair_force,
     growth.mean_size,
+    early_growth.initial_growth,
     growth.sauter_diameter,
     clusters.cluster_pictures,
     clusters.table_2,
@@ -33,14 +44,16 @@ OF_ALL_RUNS = (
 )
 """One figure for all stresses together."""
 OF_ONE_STRESS = (
+    growth.width,
     size_distribution.by_primaries,
     size_distribution.by_radius,
-    shape.mass_size,
+    mass_size.mass_size,
+    mass_size.exponents_in_time,
     shape.solid_fraction,
     shape.aspect_distribution,
     shape.aspect_against_size,
-    shape.coordination,
-    shape.isostaticity,
+    bonds.coordination,
+    bonds.isostaticity,
     breakup.largest_fragment,
     outcomes.outcome_offset,
     outcomes.first_bond_loss,
@@ -50,29 +63,49 @@ OF_ONE_STRESS = (
 """One figure for each stress, its replicas together."""
 
 
-def figures_of(runs: Sequence[RunDataset], trajectories: Sequence[Trajectory] = ()) -> Iterator[Figure]:
-    """Every figure that the datasets allow."""
+def unheard(line: str) -> None:
+    """Say nothing of a figure that is left out."""
+
+
+def figures_of(
+    runs: Sequence[RunDataset],
+    trajectories: Sequence[Trajectory] = (),
+    left_out: Callable[[str], None] = unheard,
+) -> Iterator[Figure]:
+    """Every figure that the datasets allow.
+
+    Parameters
+    ----------
+    runs : of any stresses, in any order; those of one stress are replicas
+    trajectories : of encounters
+    left_out : called with a line of its name and why for each figure that would show nothing
+    """
     ordered = sorted(runs, key=lambda run: run.stress)
-    if ordered:
-        if (force := forces.pair_force(ordered[0].scene)) is not None:
-            yield force
-        for make in OF_ALL_RUNS:
-            yield make(ordered)
     groups = by_stress(ordered)
+    wanted = [(partial(make, ordered), "") for make in OF_ALL_RUNS if ordered]
     for group in groups.values():
         several = f"_{group[0].stress:.4g}Pa" if len(groups) > 1 else ""
-        for figure in (growth.width(group[0]), *(make(group) for make in OF_ONE_STRESS)):
-            if figure is not None:
-                yield figure.named(figure.name + several)
+        wanted += [(partial(make, group), several) for make in OF_ONE_STRESS]
     for k, course in enumerate(trajectories):
-        figure = encounter.snapshots(course)
-        yield figure.named(figure.name + (f"_{k + 1}" if len(trajectories) > 1 else ""))
+        wanted.append((partial(encounter.snapshots, course), f"_{k + 1}" if len(trajectories) > 1 else ""))
+    for make, ending in wanted:
+        try:
+            figure = make()
+        except NothingToShowError as why:
+            left_out(str(why))
+        else:
+            yield figure.named(figure.name + ending)
 
 
-def draw_all(files: Sequence[Path], directory: Path) -> Iterator[Path]:
+def draw_all(
+    files: Sequence[Path], directory: Path, left_out: Callable[[str], None] = unheard
+) -> Iterator[Path]:
     """Write every figure and its numbers into the directory, over those that it wrote before; yields each picture as it is done.
 
+    Parameters
+    ----------
     files : datasets of `mcdem run`, and trajectories of `mcdem encounter`, in any order
+    left_out : as of `figures_of`
     """
     runs, trajectories = [], []
     for file in files:
@@ -85,13 +118,13 @@ def draw_all(files: Sequence[Path], directory: Path) -> Iterator[Path]:
         if not run.events.sizes["event"]:
             raise UserError(f"{run.path}: holds no encounter yet; let `mcdem run` go on with --resume")
     with FILES.folder(directory):
-        for figure in figures_of(runs, trajectories):
+        for figure in figures_of(runs, trajectories, left_out):
             yield figure.save(directory)
 
 
 def plot_run(file: Path, output: Path) -> None:
     """<P>(t) and d32(t) of one run, with the slope of Eq. 22 at the start."""
-    numbers = growth.course(RunDataset(file))
+    numbers = early_growth.course(RunDataset(file))
     with look():
-        canvas = growth.draw_course(numbers)
+        canvas = early_growth.draw_course(numbers)
         FILES.write_picture(output, canvas)

@@ -12,14 +12,27 @@ from mcdem.analysis import paper
 from mcdem.analysis.breakup import CONVENTIONS, in_convention
 from mcdem.analysis.dataset import RunDataset, by_stress, pool, pooled_breakups
 from mcdem.analysis.statistics import OF_MEANS, fit_power_law, shares, why_no_fit
-from mcdem.figures.figure import Figure, quantity
-from mcdem.figures.style import BLACK, CONVENTION, GREY, canvas, legend
+from mcdem.figures.figure import Figure, NothingToShowError, quantity
+from mcdem.figures.size_distribution import stretch
+from mcdem.figures.style import (
+    BLACK,
+    CONVENTION,
+    GREY,
+    canvas,
+    headline,
+    legend_below,
+    own_ticks,
+    plain_ticks,
+    plural,
+)
 
 
 def critical_size(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 15: size just before breakup and mean size at steady state against shear stress."""
     groups = by_stress(runs)
     stresses = np.array(list(groups))
+    if len(groups) < 2:
+        raise NothingToShowError("fig15_critical_size: needs runs at two or more stresses, there is one")
     mean = [np.mean([run.average("mean_size").mean for run in group]) for group in groups.values()]
     error = [
         np.sqrt(sum(run.average("mean_size").error ** 2 for run in group)) / len(group)
@@ -49,12 +62,16 @@ def critical_size(runs: Sequence[RunDataset]) -> Figure:
             "1",
             words,
         )
+    if not numbers["breakups"].values.any():
+        raise NothingToShowError("fig15_critical_size: no breakup in what counts of any of the runs")
     series = {
         "mean_size": numbers["mean_size"].values,
         **{f"P_br_{r}": numbers["P_br"].sel(convention=r).values for r in CONVENTIONS},
     }
     for name, values in series.items():
         known = np.isfinite(values)
+        if name == "mean_size" and numbers["steady"].values.sum() < OF_MEANS.origins:
+            known[:] = False
         fit = fit_power_law(stresses[known], values[known], minimum=OF_MEANS) if known.any() else None
         limits = [fit.exponent, fit.exponent_low, fit.exponent_high] if fit else [np.nan] * 3
         numbers[f"exponent_{name}"] = quantity(
@@ -63,86 +80,87 @@ def critical_size(runs: Sequence[RunDataset]) -> Figure:
     return Figure(
         "fig15_critical_size",
         "Size before breakup, under each convention, and mean size at steady state against shear stress.",
-        numbers.assign_attrs(no_exponent=why_no_fit(stresses, minimum=OF_MEANS)),
+        numbers.assign_attrs(
+            no_exponent=why_no_fit(stresses, minimum=OF_MEANS),
+            paper=int(all(paper.is_suspension(run.scene) for run in runs)),
+        ),
         draw_critical_size,
     )
 
 
 def draw_critical_size(numbers: xr.Dataset) -> Canvas:
-    """Means with standard deviations, exponents, and the paper's slope of -2."""
-    figure, axes = canvas(height=3.1)
+    """Means with their limits and standard deviations, exponents, and the paper's slope where the suspension is its own."""
+    figure, axes = canvas(height=3.4)
     stress = numbers["stress"].values
 
     def words(name: str, text: str) -> str:
         q, high, low = numbers[f"exponent_{name}"].values
         if not np.isfinite(q):
             return text
-        limits = f" [{low:.1f}, {high:.1f}]" if np.isfinite(low) else ""
-        return f"{text}: q = {q:.1f}{limits}"
+        limits = f" [{low:.2f}, {high:.2f}]" if np.isfinite(low) else ""
+        return f"{text}: $q$ = {q:.2f}{limits}"
 
-    for shift, convention, marker in ((0.96, "paper", "o"), (0.985, "strict", "^"), (1.01, "own", "D")):
-        colour, reads = CONVENTION[convention]
+    series: list[tuple[str, str, str, xr.DataArray, xr.DataArray, xr.DataArray]] = []
+    for convention, marker in (("paper", "o"), ("strict", "^"), ("own", "D")):
+        tint, reads = CONVENTION[convention]
         one = numbers.sel(convention=convention)
-        axes.errorbar(
-            stress * shift,
-            one["P_br"],
-            one["P_br_deviation"],
-            fmt=marker,
-            color=colour,
-            ms=4,
-            capsize=2,
-            elinewidth=0.7,
-            label=words(f"P_br_{convention}", rf"$\bar P_{{br}}$, {reads}"),
-        )
-        for x, y, n in zip(
-            stress * shift, (one["P_br"] - one["P_br_deviation"]).values, one["breakups"].values, strict=True
-        ):
-            if np.isfinite(y):
-                axes.annotate(
-                    f"{int(n)}",
-                    (x, y),
-                    (0, -7),
-                    textcoords="offset points",
-                    fontsize=4.5,
-                    color=colour,
-                    ha="center",
-                )
-    axes.errorbar(
-        stress * 1.035,
-        numbers["mean_size"],
-        numbers["size_deviation"],
-        fmt="s",
-        color=BLACK,
-        ms=3.5,
-        capsize=2,
-        elinewidth=0.7,
-        label=words("mean_size", r"$\langle P\rangle$"),
+        label = words(f"P_br_{convention}", rf"$P_{{br}}$, {reads}")
+        series.append((marker, tint, label, one["P_br"], one["P_br_error"], one["P_br_deviation"]))
+    mean = words("mean_size", r"$\langle P\rangle$")
+    series.append(
+        ("s", BLACK, mean, numbers["mean_size"], numbers["mean_size_error"], numbers["size_deviation"])
     )
-    span = np.geomspace(min(stress.min(), 700), max(stress.max(), 1050), 20)
-    for level in (numbers["P_br"].sel(convention="paper").values, numbers["mean_size"].values):
-        if np.isfinite(level).any():
-            anchor = np.nanmean(np.log(level) + paper.BREAKUP_EXPONENT * np.log(stress))
-            label = (
-                "slope $-2.0$ (paper)" if level is not numbers["mean_size"].values and axes.lines else None
-            )
+    closest = np.diff(np.log(stress)).min()
+    steady, ends = numbers["steady"].values, list[float]()
+    for k, (marker, tint, label, value, error, deviation) in enumerate(series):
+        known = np.isfinite(value.values)
+        if not known.any():
+            continue
+        # Beside each other about their stress, the whole group within a third of the distance to the next.
+        x = stress * np.exp(min(0.03, 0.12 * closest) * (k - 1.5))
+        y, spread = value.values, np.nan_to_num(deviation.values)
+        axes.errorbar(x[known], y[known], spread[known], fmt="none", ecolor=tint, elinewidth=0.6)
+        limits = 2 * np.where(np.isfinite(error.values), error.values, 0.0)
+        bars = axes.errorbar(
+            x[known],
+            y[known],
+            limits[known],
+            fmt=marker,
+            color=tint,
+            ms=3.5,
+            capsize=2.5,
+            elinewidth=1.4,
+            label=label,
+        )
+        ends.append(y[known].min())
+        if k == len(series) - 1 and not steady.all():
+            bars.lines[0].set_markerfacecolor("none")
+            axes.plot(x[steady], y[steady], marker, color=tint, ms=3.5)
+        if numbers.attrs["paper"] and k in (0, 3):
+            anchor = np.mean(np.log(y[known]) + paper.BREAKUP_EXPONENT * np.log(stress[known]))
             axes.plot(
-                span, np.exp(anchor) * span**-paper.BREAKUP_EXPONENT, ":", color=GREY, lw=0.8, label=label
-            )
-            label = None
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    ticks = sorted({*np.round(stress).astype(int).tolist(), 750, 1000})
-    axes.set_xticks(ticks, [str(t) for t in ticks])
-    axes.minorticks_off()
-    top, bottom = axes.get_ylim()[1], axes.get_ylim()[0]
-    axes.set_ylim(max(bottom, 1.0), top * 9.0)
-    axes.set_yticks([1, 2, 5, 10, 20, 50, 100, 200], ["1", "2", "5", "10", "20", "50", "100", "200"])
-    axes.set_ylim(max(bottom, 1.0), top * 9.0)
-    axes.set_xlabel(r"shear stress  $\mu\dot\gamma$ [Pa]")
-    axes.set_ylabel("number of primaries")
-    steady = "" if bool(numbers["steady"].all()) else "; not all runs are steady"
-    missing = f"\n{numbers.attrs['no_exponent']}" if numbers.attrs["no_exponent"] else ""
-    legend(axes, f"bars: standard deviation\nsmall numbers: breakups{steady}{missing}", loc="upper right")
+                stress, np.exp(anchor) * stress**-paper.BREAKUP_EXPONENT, ":", color=GREY, lw=0.9,
+                label=f"slope of $q$ = {paper.BREAKUP_EXPONENT:g} (paper)",
+            )  # fmt: skip
+    axes.set(
+        xscale="log", yscale="log", xlabel=r"shear stress  $\mu\dot\gamma$ [Pa]", ylabel="number of primaries"
+    )
+    axes.set_xlim(stress[0] * np.exp(-0.5 * closest), stress[-1] * np.exp(0.5 * closest))
+    # A deviation as large as its mean reaches to nought, which such an axis has not.
+    axes.set_ylim(0.5 * min(ends), axes.get_ylim()[1])
+    own_ticks(axes.xaxis, stress)
+    plain_ticks(axes.yaxis)
+    counts = numbers["breakups"].values[numbers["breakups"].values > 0]
+    told = f"{int(counts.min())} to {int(counts.max())} breakups a point" if counts.size else "no breakups"
+    headline(axes, told)
+    small_print = (
+        "thick: 95 % limits of the mean; thin: standard deviation;\npoints of one stress beside each other"
+    )
+    if not steady.all():
+        small_print += "\nopen: $\\langle P\\rangle$ of a run that is not steady"
+    if numbers.attrs["no_exponent"]:
+        small_print += f"\n{numbers.attrs['no_exponent']}"
+    legend_below(figure, small_print, ncols=1)
     return figure
 
 
@@ -152,6 +170,10 @@ EDGES = np.linspace(0.0, 1.0, 21)
 def largest_fragment(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 16: largest fragment over parent."""
     broken = pool([run.late_breakups for run in runs], "breakup")
+    if not broken.sizes["breakup"]:
+        raise NothingToShowError(
+            f"fig16_largest_fragment: no breakup in the {stretch(runs)} at {runs[0].label}"
+        )
     counts = []
     for convention in CONVENTIONS:
         chosen = broken["largest_fragment"].values[in_convention(broken, convention)]
@@ -182,53 +204,42 @@ def largest_fragment(runs: Sequence[RunDataset]) -> Figure:
 
 def draw_largest_fragment(numbers: xr.Dataset) -> Canvas:
     """A histogram a convention with 95 % limits; the paper's ranges shaded."""
-    figure, axes = canvas(height=3.0)
-    low, high = numbers["low"].values, numbers["high"].values
-    top = 0.0
-
-    def in_words(one: xr.Dataset) -> str:
-        if not int(one["count"].sum()):
-            return ""
+    figure, axes = canvas(height=3.4)
+    edges = np.append(numbers["low"].values, numbers["high"].values[-1])
+    step = edges[1] - edges[0]
+    if numbers.attrs["paper"]:
+        shade = {"color": GREY, "alpha": 0.15, "lw": 0}
+        axes.axvspan(*paper.COMPARABLE_FRAGMENTS, **shade, label="paper: over 80 %, erosion's peak (shaded)")
+        axes.axvspan(*paper.EROSION_PEAK, **shade)
+        axes.axvline(paper.LIKELIEST_FRAGMENT, color=GREY, ls=":", lw=0.9, label="paper: likeliest")
+    empties = []
+    for side, convention in zip((-1, 0, 1), CONVENTIONS, strict=True):
+        tint, words = CONVENTION[convention]
+        one = numbers.sel(convention=convention)
+        count = one["count"].values
+        total = int(count.sum())
+        if not total:
+            axes.plot([], [], " ", label=f"{words}: none")
+            continue
         told = [
-            float(one[f"{name}_share{limit}"])
+            100 * float(one[f"{name}_share{limit}"])
             for name in ("fragmentation", "erosion")
             for limit in ("", "_low", "_high")
         ]
-        return "\n0.45 to 0.75: {:.0%} [{:.0%}, {:.0%}]\nerosion: {:.0%} [{:.0%}, {:.0%}]".format(*told)
-
-    for side, convention in zip((-1, 0, 1), CONVENTIONS, strict=True):
-        colour, words = CONVENTION[convention]
-        one = numbers.sel(convention=convention)
-        count = one["count"].values
-        total = max(count.sum(), 1)
-        x = 0.5 * (low + high) + side * 0.28 * (high - low)
-        axes.bar(
-            x,
-            count / total,
-            0.26 * (high - low),
-            color=colour,
-            alpha=0.7,
-            lw=0,
-            label=f"{words}: {count.sum()}{in_words(one)}",
+        label = (
+            f"{words}: {plural(total, 'breakup')}\n"
+            "{:.0f} % [{:.0f}, {:.0f}] at 0.45 to 0.75, erosion {:.1f} % [{:.1f}, {:.1f}]".format(*told)
         )
-        if not count.any():
-            continue
-        value, lowest, highest = shares(count, int(total))
-        axes.errorbar(x, value, [value - lowest, highest - value], fmt="none", ecolor=BLACK, elinewidth=0.5)
-        top = max(top, highest.max())
-    if numbers.attrs["paper"]:
-        axes.axvspan(
-            *paper.COMPARABLE_FRAGMENTS,
-            color=GREY,
-            alpha=0.13,
-            lw=0,
-            label="paper: > 80 %, and erosion's peak",
-        )
-        axes.axvspan(*paper.EROSION_PEAK, color=GREY, alpha=0.13, lw=0)
-        axes.axvline(paper.LIKELIEST_FRAGMENT, color=GREY, ls=":", lw=0.8)
+        value, low, high = shares(count, total)
+        axes.stairs(value, edges, color=tint, lw=1.1, label=label)
+        seen = count > 0
+        x = 0.5 * (edges[1:] + edges[:-1]) + 0.25 * side * step
+        bars = np.maximum([value - low, high - value], 0.0)[:, seen]
+        axes.errorbar(x[seen], value[seen], bars, fmt="none", ecolor=tint, elinewidth=0.9, capsize=1.5)
+        empties.append(float(high[~seen].max(initial=0.0)))
     axes.set_xlim(0, 1)
-    axes.set_ylim(0, max(2.1 * top, 0.1))
-    axes.set_xlabel("largest fragment over parent")
-    axes.set_ylabel("share of breakups")
-    legend(axes, "" if numbers["count"].sum() else "no breakups in the steady stretch", loc="upper left")
+    axes.set_ylim(0, None)
+    axes.set(xlabel="largest fragment over parent", ylabel=f"share of breakups per {step:g}")
+    headline(axes, f"{float(numbers.attrs['stress']):.4g} Pa")
+    legend_below(figure, f"bars: 95 % limits; of a bin without any: below {max(empties):.1g}", ncols=1)
     return figure

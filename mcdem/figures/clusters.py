@@ -15,7 +15,7 @@ from mcdem.analysis.dataset import RunDataset, by_stress
 from mcdem.figures.figure import Figure, quantity
 from mcdem.figures.render import Camera, principal_view
 from mcdem.figures.render import Canvas as Picture
-from mcdem.figures.style import BLACK, BLUE, SKY, VERMILION, canvas
+from mcdem.figures.style import BLACK, BLUE, PRINT, SKY, SMALL, VERMILION, canvas, headline
 
 TINT = np.array(to_rgb(SKY))
 COLUMNS = (
@@ -84,6 +84,9 @@ def cluster_pictures(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 10: three aggregates of rising size from each stress, in their outer sphere and ellipsoid."""
     firsts = [group[0] for group in by_stress(runs).values()]
     numbers = _collected([(run, k) for run in firsts for k in chosen_shapes(run)])
+    numbers.attrs["paper"] = int(
+        any(paper.holds_for(run.scene, stress) for run in firsts for stress, *_ in paper.CLUSTERS)
+    )
     return Figure(
         "fig10_clusters",
         "Aggregates in their sphere of outer radius (dashed) and inertia-equivalent ellipsoid (line).",
@@ -97,88 +100,87 @@ def _split(numbers: xr.Dataset) -> list[np.ndarray]:
 
 
 def draw_clusters(numbers: xr.Dataset) -> Canvas:
-    """A row a stress, one scale for a row."""
+    """A row a stress, all to one scale."""
     shapes = _split(numbers)
     rows = len(np.unique(numbers["stress"].values))
     columns = len(shapes) // rows
-    figure, grid = canvas(1.95 * columns, 2.3 * rows + 0.3, nrows=rows, ncols=columns, squeeze=False)
-    figure.set_layout_engine(
-        "constrained", h_pad=0.12
-    )  # two lines of title do not fit into the layout's own margin
+    figure, grid = canvas(1.95 * columns, 2.2 * rows + 0.4, nrows=rows, ncols=columns, squeeze=False)
+    # Titles of two lines do not fit into the layout's own margin.
+    figure.set_layout_engine("constrained", h_pad=0.1)
+    half = 1.05 * float(numbers["outer_radius"].max())
     for k, (axes, positions) in enumerate(zip(grid.ravel(), shapes, strict=True)):
         one = numbers.isel(aggregate=k)
-        row = slice(k // columns * columns, (k // columns + 1) * columns)
-        half = 1.05 * float(numbers["outer_radius"][row].max())
         axes.imshow(_picture(positions, half), extent=(-half, half, -half, half))
         axes.add_patch(Circle((0, 0), float(one["outer_radius"]), fill=False, ls="--", lw=0.7, ec=BLACK))
         a1, a2, _ = one["semi_axes"].values
         axes.add_patch(Ellipse((0, 0), 2 * a1, 2 * a2, fill=False, lw=0.9, ec=VERMILION))
         axes.set(xticks=[], yticks=[])
         axes.spines[:].set_visible(False)
-        letter = "abcdefghijklmnop"[k % 16]
+        letter = "abcdefghijklmnopqrstuvwxyz"[k % 26]
         axes.set_title(
-            f"({letter}) {float(one['stress']):.4g} Pa, $P$ = {int(one['size'])}, A.R. = {float(one['aspect_ratio']):.2f},\n"
-            rf"$\phi$ = {float(one['solid_fraction_sphere']):.2g}",
-            fontsize=6.5,
+            f"({letter}) {float(one['stress']):.4g} Pa, $P$ = {int(one['size'])}\n"
+            rf"A.R. = {float(one['aspect_ratio']):.2f}, $\phi$ = {float(one['solid_fraction_sphere']):.2g}",
+            fontsize=SMALL,
         )
-    printed = ", ".join(f"{p} ({phi:g})" for _, p, phi in paper.CLUSTERS)
-    figure.supxlabel(
-        f"paper's examples, $P$ ($\\phi$): {printed}; orange: ellipsoid, dashed: outer sphere", fontsize=5.5
-    )
+    words = "all to one scale; orange: ellipsoid of inertia, dashed: outer sphere"
+    if numbers.attrs["paper"]:
+        printed = ", ".join(f"{p} ({phi:g})" for _, p, phi in paper.CLUSTERS)
+        words += f"\npaper's examples, $P$ ($\\phi$): {printed}"
+    figure.supxlabel(words, fontsize=SMALL, color=PRINT)
     return figure
 
 
 def table_2(runs: Sequence[RunDataset], rows: int = 10) -> Figure:
-    """Table 2: a sample of aggregates of the lowest stress, even over the sizes of P > 3."""
+    """Table 2: aggregates of the lowest stress, even over the upper half of the sizes of P > 3."""
     run = next(iter(by_stress(runs).values()))[0]
     p = run.population(-1)["size"].values
     order = np.argsort(p, kind="stable")
     order = order[p[order] > 3] if (p > 3).any() else order
     # The paper's sample has 15 to 54 primaries: the upper part of its population.
     chosen = order[np.unique(np.linspace(len(order) // 2, len(order) - 1, rows).round().astype(int))]
+    beside = paper.holds_for(run.scene, paper.TABLE_2_STRESS)
     return Figure(
         "table2_clusters",
-        f"A sample of aggregates at {run.label}, beside the paper's at 750 Pa.",
-        _collected([(run, int(k)) for k in chosen]),
+        f"Aggregates at {run.label}, even over the upper half of the sizes of P > 3"
+        + (", beside the paper's at 750 Pa." if beside else "."),
+        _collected([(run, int(k)) for k in chosen]).assign_attrs(paper=int(beside)),
         draw_table_2,
     )
 
 
+HEADS = ("$P$", "$R_g/a$", "$R/a$", "A.R.", r"$\bar n_c$")
+
+
 def draw_table_2(numbers: xr.Dataset) -> Canvas:
-    """Picture and numbers of each aggregate; the paper's rows to the right."""
+    """Picture and numbers of each aggregate; the paper's rows to the right where the run is at its stress."""
     shapes = _split(numbers)
-    figure, axes = canvas(6.4, 0.52 * len(shapes) + 0.6)
+    width = 12.6 if numbers.attrs["paper"] else 6.9
+    figure, axes = canvas(0.52 * width, 0.52 * len(shapes) + 0.75)
     axes.set_axis_off()
-    axes.set_xlim(0, 12.3)
+    axes.set_xlim(0, width)
     axes.set_ylim(-len(shapes) - 0.2, 1.2)
-    heads = ("$P$", "$R_g/a$", "$R/a$", "A.R.", r"$\bar n_c$")
-    for start, title in ((0.2, f"this run, {float(numbers['stress'][0]):.4g} Pa"), (7.4, "paper, 750 Pa")):
-        axes.text(start, 0.95, title, fontsize=7, weight="bold", color=BLUE if start < 1 else BLACK)
-    for k, head in enumerate(heads):
-        axes.text(2.3 + k, 0.35, head, ha="right", fontsize=7)
-        axes.text(8.2 + k, 0.35, head, ha="right", fontsize=7)
+    tables = [(0.2, 2.5, f"this run, {float(numbers['stress'][0]):.4g} Pa", BLUE)]
+    if numbers.attrs["paper"]:
+        tables.append((7.4, 8.4, f"paper, {paper.TABLE_2_STRESS:g} Pa", BLACK))
+    for start, first, title, tint in tables:
+        axes.text(start, 0.95, title, fontsize=7, weight="bold", color=tint)
+        for k, head in enumerate(HEADS):
+            axes.text(first + k, 0.35, head, ha="right", fontsize=7)
     half = float(numbers["outer_radius"].max())
+
+    def told(first: float, row: int, values: Sequence[float]) -> None:
+        for k, value in enumerate(values):
+            text = f"{value:.0f}" if k == 0 else f"{value:.2f}"
+            axes.text(first + k, -row - 0.5, text, ha="right", va="center", fontsize=7)
+
     for row, positions in enumerate(shapes):
         inset = axes.inset_axes((0.0, -row - 0.95, 1.5, 0.98), transform=axes.transData)
         inset.imshow(_picture(positions, half, 320))
         inset.set_axis_off()
         one = numbers.isel(aggregate=row)
-        ours = [
-            float(one[n])
-            for n in ("size", "radius_of_gyration", "outer_radius", "aspect_ratio", "coordination_number")
-        ]
-        printed = paper.TABLE_2[row] if row < len(paper.TABLE_2) else None
-        for k, value in enumerate(ours):
-            axes.text(
-                2.3 + k,
-                -row - 0.5,
-                f"{value:.0f}" if k == 0 else f"{value:.2f}",
-                ha="right",
-                va="center",
-                fontsize=7,
-            )
-            if printed is not None:
-                text = f"{printed[k]:.0f}" if k == 0 else f"{printed[k]:.2f}"
-                axes.text(8.2 + k, -row - 0.5, text, ha="right", va="center", fontsize=7)
-    axes.axhline(0.15, color=BLACK, lw=0.6, xmin=0.0, xmax=1.0)
+        told(2.5, row, [float(one[name]) for name in COLUMNS[:5]])
+        if numbers.attrs["paper"] and row < len(paper.TABLE_2):
+            told(8.4, row, paper.TABLE_2[row].tolist())
+    axes.axhline(0.15, color=BLACK, lw=0.6)
+    headline(axes, "even over the upper half of the sizes of $P > 3$")
     return figure

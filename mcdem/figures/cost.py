@@ -1,4 +1,4 @@
-"""Error against time of a scene's settings, and the front of those that no other beats."""
+"""Time and errors of a scene's settings, one row a setting, and which of them no other beats."""
 
 from __future__ import annotations
 
@@ -6,79 +6,125 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 
-from mcdem.analysis.accuracy_cost import Price, front
+from mcdem.analysis.accuracy_cost import QUANTITIES, Price, front
 from mcdem.analysis.paired_encounters import REFERENCE
-from mcdem.figures.style import BLACK, GREY, MARKERS, canvas, colour, legend, look
+from mcdem.figures.figure import NothingToShowError
+from mcdem.figures.style import (
+    BLUE,
+    GREY,
+    SMALL,
+    VERMILION,
+    canvas,
+    headline,
+    legend_below,
+    look,
+    plain_ticks,
+)
 from mcdem.netcdf.whole_files import FILES
 
-FLOOR = 1e-5
-"""Errors below are drawn here: what nothing distinguishes from the reference has no place on a logarithmic axis."""
+LABELS = {
+    "eta_11": "relative error\nof $\\eta_{11}$",
+    "outcome": "error of\nthe outcomes",
+    "fragment": "error of the\nlargest product",
+    "geometry": "error of\nthe shape",
+}
+ROW = "#DDDDDD"
+
+
+def worst_limit(price: Price) -> float:
+    """The largest 95 % limit of the errors that are sampled."""
+    return float(np.max(price.limit[1:]))
+
+
+def _named(price: Price) -> str:
+    return price.setting.name.replace("_", " ") + (" *" if price.setting.of_physics else "")
 
 
 def draw_front(prices: Sequence[Price], path: Path, name: str, count: int) -> None:
-    """Draw CPU time against the errors of every setting; raises `UserError` if the figure cannot be saved.
+    """Draw CPU time and errors of every setting, cheapest first.
 
-    Left the efficiency of pairs, which is not sampled; right the largest error of the `count` sampled encounters.
+    An error is a dot with its 95 % limit; where nothing differed there is no dot but an arrow from the limit to the left, since
+    nothing is not nought. Rows, not points on a plane of error and time: names never overlap, however close two settings are.
+
+    Raises
+    ------
+    NothingToShowError
+        where nothing but the reference was measured
+    UserError
+        if the figure cannot be saved
     """
-    shown = [p for p in prices if p.setting.name != REFERENCE]
-    varied = list(dict.fromkeys(p.setting.varied for p in shown))
+    shown = sorted((p for p in prices if p.setting.name != REFERENCE), key=lambda p: p.cpu_time)
+    if not shown:
+        raise NothingToShowError(f"{path.name}: nothing but the reference was measured")
+    best = {p.setting.name for p in front(shown, worst_limit)}
+    reference = next((p for p in prices if p.setting.name == REFERENCE), None)
+    rows = np.arange(len(shown))[::-1]
     with look():
-        figure, (pairs, sampled) = canvas(7.2, 3.2, ncols=2, sharex=True)
-        for number, name in enumerate(varied):
-            of = [p for p in shown if p.setting.varied == name]
-            time = np.array([1e3 * p.cpu_time for p in of])
-            # Six colours and six markers, shifted at every turn, tell 36 settings apart.
-            form = {
-                "fmt": MARKERS[(number + number // len(MARKERS)) % len(MARKERS)],
-                "color": colour(number),
-                "markersize": 4,
-                "elinewidth": 0.5,
-            }
-            pairs.errorbar(time, [max(p.error[0], FLOOR) for p in of], **form)
-            error = np.array([max(p.worst_sampled, FLOOR) for p in of])
-            spread = np.array([max(p.limit[1:].max(), FLOOR) for p in of]) - error
-            sampled.errorbar(
-                time,
-                error,
-                yerr=[np.zeros_like(spread), np.maximum(spread, 0.0)],
-                label=name.replace("_", " "),
-                **form,
-            )
-        for axes, measure in (
-            (pairs, lambda p: max(float(p.error[0]), FLOOR)),
-            (sampled, lambda p: max(float(p.limit[1:].max()), FLOOR)),
-        ):
-            best = front(shown, measure)
-            axes.step(
-                [1e3 * p.cpu_time for p in best],
-                [measure(p) for p in best],
-                where="post",
-                color=BLACK,
-                linewidth=0.8,
-                zorder=0,
-                label="front",
-            )
-            for p in best:
-                axes.annotate(
-                    p.setting.name.replace("_", " "),
-                    (1e3 * p.cpu_time, measure(p)),
-                    textcoords="offset points",
-                    xytext=(4, 4),
-                    fontsize=5.5,
-                )
-            for p in prices:
-                if p.setting.name == REFERENCE:
-                    axes.axvline(
-                        1e3 * p.cpu_time, color=GREY, linewidth=0.8, linestyle=":", label="reference"
-                    )
-            axes.set(xscale="log", yscale="log", xlabel="CPU time of an encounter (ms)")
-        pairs.set(ylabel=r"relative error of $\eta_{11}$")
-        sampled.set(ylabel="largest error of outcome, fragment, geometry")
-        legend(
-            sampled,
-            f"{name}, {count} encounters\nbars: up to the 95 % limit\nfront: of the limits",
-            loc="center left",
-            bbox_to_anchor=(1.0, 0.5),
+        figure, grid = canvas(
+            7.2,
+            1.5 + 0.165 * len(shown),
+            ncols=1 + len(QUANTITIES),
+            sharey=True,
+            width_ratios=(1.3, 1, 1, 1, 1),
         )
+        time = grid[0]
+        cpu = np.array([1e3 * p.cpu_time for p in shown])
+        spread = np.nan_to_num([1e3 * p.time_error for p in shown], posinf=0.0)
+        first = np.array([p.setting.name in best for p in shown])
+        for chosen, tint, words in (
+            (first, VERMILION, "no other has both less time and lower limits"),
+            (~first, GREY, None),
+        ):
+            ends = [np.minimum(spread, 0.99 * cpu)[chosen], spread[chosen]]
+            time.errorbar(
+                cpu[chosen], rows[chosen], xerr=ends, fmt="o", ms=3, color=tint, elinewidth=0.8, label=words
+            )
+        if reference is not None:
+            time.axvline(1e3 * reference.cpu_time, color=GREY, lw=0.8, ls=":", label="reference")
+        time.set(xscale="log", xlabel="CPU time of an\nencounter [ms]")
+        plain_ticks(time.xaxis, 3)
+        time.set_yticks(rows, [_named(p) for p in shown], fontsize=SMALL)
+        time.set_ylim(-0.8, len(shown) - 0.2)
+        for k, quantity in enumerate(QUANTITIES):
+            _draw_errors(grid[1 + k], rows, shown, k)
+            grid[1 + k].set_xlabel(LABELS[quantity])
+        for axes in grid:
+            axes.set_axisbelow(True)
+            axes.grid(axis="y", color=ROW, lw=0.4)
+            axes.tick_params(axis="y", length=0)
+        headline(time, f"{name}, {count} encounters")
+        legend_below(figure, "errors against the reference; * changes physics, not only numerics", ncols=2)
         FILES.write_picture(path, figure)
+
+
+def _draw_errors(axes: Axes, rows: np.ndarray, shown: Sequence[Price], quantity: int) -> None:
+    """Errors of one quantity with their upper limits on a logarithmic axis."""
+    error = np.array([p.error[quantity] for p in shown])
+    limit = np.array([p.limit[quantity] for p in shown])
+    known = np.concatenate([error[error > 0], limit[np.isfinite(limit) & (limit > 0)]])
+    if not known.size:
+        axes.set(xticks=[])
+        return
+    high = 2.0 * known.max()
+    low = min(0.5 * max(known.min(), 1e-4 * high), high / 30.0)
+    told = np.isfinite(limit) & (error >= 0.0)
+    seen, unseen = told & (error > low), told & (error <= low) & (limit > low)
+    end = np.maximum(limit, error)
+    axes.hlines(rows[seen], error[seen], end[seen], color=BLUE, lw=0.8)
+    axes.plot(error[seen], rows[seen], "o", ms=3, color=BLUE, label="error, and its 95 % limit")
+    axes.hlines(rows[unseen], low, end[unseen], color=BLUE, lw=0.4)
+    axes.plot(
+        end[unseen],
+        rows[unseen],
+        "<",
+        ms=3.5,
+        color=BLUE,
+        mfc="white",
+        mew=0.7,
+        label="no difference seen: below",
+    )
+    axes.set(xscale="log")
+    axes.set_xlim(low, high)
+    plain_ticks(axes.xaxis, 3)

@@ -11,9 +11,8 @@ from mcdem.encounter.trajectory import Trajectory
 from mcdem.figures.figure import Figure
 from mcdem.figures.render import SHEAR_PLANE, Camera
 from mcdem.figures.render import Canvas as Picture
-from mcdem.figures.style import ORANGE, SKY, canvas
+from mcdem.figures.style import ORANGE, PRINT, SKY, SMALL, canvas
 
-MOMENTS = ("approach", "nearing", "contact", "parting", "drifting")
 PARENTS = np.array([to_rgb(SKY), to_rgb(ORANGE)])
 
 
@@ -26,22 +25,37 @@ def components(tension: np.ndarray) -> np.ndarray:
 
 
 def moments(t: Trajectory) -> dict[str, int]:
-    """Frames of the five moments; of an encounter that never touches or never parts, the nearest to them.
+    """Frames of five moments, each named by what is seen in it.
 
-    approach: the first frame; nearing: halfway between it and contact in time, but near; contact: the first with a bond
-    between i and j; parting: the first after the last change of the number of aggregates; drifting: a few strains on.
+    approach: the first frame; nearing: the last before contact at which the two are more than 3 a apart; contact: the first with
+    a bond between i and j, or where none is made `closest`, the frame of the smallest gap.  Then, where the number of
+    aggregates changes again, `parting` if it rises or `joining` if it falls, the first frame after the last such change, and
+    `drifting`, a few strains on; where it does not, `together` (or `passing`, of those that never touch) and `end`, halfway to
+    the last frame and the last.
     """
     cross = t.parent[:, None] != t.parent[None]
     touched = np.isfinite(t.tension[:, cross]).any(axis=1)
-    apart = [int(components(f).max()) + 1 for f in t.tension]
+    apart = np.array([int(components(f).max()) + 1 for f in t.tension])
     gap = np.linalg.norm(t.positions[:, :, None] - t.positions[:, None], axis=3)[:, cross].min(axis=1)
     contact = int(np.argmax(touched)) if touched.any() else int(np.argmin(gap))
     changes = contact + 1 + np.flatnonzero(np.diff(apart[contact:]))
-    split = int(changes[-1]) if len(changes) else min(contact + (t.frames - contact) // 2, t.frames - 1)
     near = np.flatnonzero(gap[: contact + 1] > 3 * t.radius)
     before = int(near[-1]) if len(near) else contact // 2
-    away = split + int(np.searchsorted(t.strain[split:], t.strain[split] + 4.0))
-    return dict(zip(MOMENTS, (before // 2, before, contact, split, min(away, t.frames - 1)), strict=True))
+    found = {
+        "approach": before // 2,
+        "nearing": before,
+        "contact" if touched.any() else "closest": contact,
+    }
+    if len(changes):
+        last = int(changes[-1])
+        away = last + int(np.searchsorted(t.strain[last:], t.strain[last] + 4.0))
+        parts = apart[last] > apart[last - 1]
+        found |= {"parting" if parts else "joining": last}
+        found |= {"drifting" if apart[-1] > 1 else "together": min(away, t.frames - 1)}
+    else:
+        middle = contact + (t.frames - contact) // 2
+        found |= {"together" if touched.any() else "passing": min(middle, t.frames - 1), "end": t.frames - 1}
+    return found
 
 
 def snapshots(t: Trajectory) -> Figure:
@@ -61,10 +75,9 @@ def draw_snapshots(numbers: xr.Dataset) -> Canvas:
     """The shear plane, flow to the right and gradient up, centred on the pair."""
     a = numbers.attrs["radius"]
     count = numbers.sizes["frame"]
-    figure, grid = canvas(1.42 * count, 2.05, ncols=count)
-    figure.set_layout_engine(
-        "constrained", h_pad=0.12
-    )  # two lines of title do not fit into the layout's own margin
+    figure, grid = canvas(1.42 * count, 2.15, ncols=count)
+    # Titles of two lines do not fit into the layout's own margin.
+    figure.set_layout_engine("constrained", h_pad=0.1)
     tints = PARENTS[numbers["parent"].values]
     for k, axes in enumerate(grid):
         one = numbers.isel(frame=k)
@@ -76,17 +89,28 @@ def draw_snapshots(numbers: xr.Dataset) -> Canvas:
         axes.imshow(picture, extent=(-half, half, -half, half))
         axes.set_xticks([])
         axes.set_yticks([])
-        bar = 5.0 if half > 8 else 2.0
+        # Below the picture, where no primary can lie over it.
+        bar = 10.0 if half > 8 else 4.0
         axes.plot(
-            [-0.9 * half, -0.9 * half + 2 * bar], [-0.9 * half] * 2, color="k", lw=1.5, solid_capstyle="butt"
+            [-0.5 * bar, 0.5 * bar],
+            [-1.1 * half] * 2,
+            color="k",
+            lw=1.5,
+            solid_capstyle="butt",
+            clip_on=False,
         )
-        axes.text(-0.9 * half + bar, -0.85 * half, f"{2 * bar:g} a", fontsize=5.5, ha="center", va="bottom")
+        axes.set_xlabel(f"{bar:g} $a$", fontsize=SMALL, labelpad=7)
+        axes.set_xlim(-half, half)
+        axes.set_ylim(-half, half)
         axes.set_title(
             f"({'abcde'[k]}) {one['moment'].item()}\n" + rf"$\dot\gamma t$ = {float(one['strain']):.1f}",
-            fontsize=6.5,
+            fontsize=SMALL,
         )
+    outcome = numbers.attrs.get("outcome", "")
     figure.supxlabel(
-        rf"flow $\rightarrow$, gradient $\uparrow$; blue: $i$, orange: $j$; {numbers.attrs.get('outcome', '')}",
-        fontsize=6,
+        r"flow $\rightarrow$, gradient $\uparrow$; blue: $i$, orange: $j$"
+        + (f"; outcome: {outcome}" if outcome else ""),
+        fontsize=SMALL,
+        color=PRINT,
     )
     return figure

@@ -12,10 +12,15 @@ from pathlib import Path
 import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
+from mcdem.errors import UserError
 from mcdem.figures.style import look
 from mcdem.netcdf.whole_files import FILES
 
 Draw = Callable[[xr.Dataset], Canvas]
+
+
+class NothingToShowError(UserError):
+    """Why a figure is left out: an empty one would say that there is nothing, not that nothing was seen."""
 
 
 @dataclass(frozen=True)

@@ -58,13 +58,26 @@ def half_widths(t: Trajectory) -> NDArray[np.float64]:
     return np.asarray(np.convolve(padded, kernel / kernel.sum(), mode="valid"))
 
 
+def tension_scale(t: Trajectory) -> tuple[float, str, str]:
+    """Tension [N] at the ends of the scale of colours, the same in its unit, and the unit.
+
+    The least of 1, 0.5, 0.2, 0.1 ... of the pull-off force that all but one in a hundred bonds stay within, so that bonds that
+    bear little are not all grey; the few beyond have the colour of its end.  Without contacts in nanonewtons.
+    """
+    borne = np.abs(t.tension[np.isfinite(t.tension)])
+    most = float(np.quantile(borne, 0.99)) if borne.size else 0.0
+    unit, words = (t.pull_off_force, r"$F_{adh}$") if np.isfinite(t.pull_off_force) else (1e-9, "nN")
+    share = max(most / unit, 1e-6)
+    decade = 10.0 ** np.floor(np.log10(share))
+    end = next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= share * (1 - 1e-9))
+    if np.isfinite(t.pull_off_force):
+        end = min(end, 1.0)
+    return float(end * unit), f"{end:.1g}", words
+
+
 def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
-    """Pictures (height, width, 3) one after another: spheres by parent; bonds by tension over pull-off."""
-    scale = (
-        t.pull_off_force
-        if np.isfinite(t.pull_off_force)
-        else float(np.nanmax(np.abs(t.tension), initial=1e-30))
-    )
+    """Pictures (height, width, 3) one after another: spheres by parent; bonds by tension (`tension_scale`)."""
+    scale, full, unit = tension_scale(t)
     colours = ScalarMappable(Normalize(-1, 1), mpl.colormaps["coolwarm"])
     tints = PARENTS[t.parent]
     tall = round(width / ASPECT)
@@ -93,10 +106,8 @@ def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
         bar = figure.add_axes((0.62, 0.66 * strip / height, 0.34, 0.24 * strip / height))
         scale_bar = figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=[-1, 0, 1])
         scale_bar.ax.tick_params(length=0, pad=1)
-        scale_bar.ax.set_xticklabels(["push 1", "0", "1 pull"], fontsize=0.9 * size)
-        figure.text(
-            0.585, 0.62 * strip / height, r"bond tension / $F_{adh}$", fontsize=0.85 * size, ha="right"
-        )
+        scale_bar.ax.set_xticklabels([f"push {full}", "0", f"{full} pull"], fontsize=0.9 * size)
+        figure.text(0.565, 0.62 * strip / height, f"bond tension [{unit}]", fontsize=0.85 * size, ha="right")
         pictures: list[AxesImage] = []
         for k, half in enumerate(half_widths(t)):
             camera = Camera(t.positions[k].mean(axis=0), half, **SHEAR_PLANE)
@@ -115,8 +126,8 @@ def frames(t: Trajectory, width: int = 720) -> Iterator[NDArray[np.uint8]]:
                 else:
                     pictures[place].set_data(image)
             clock.set_text(rf"strain $\dot\gamma t$ = {t.strain[k]:5.1f}")
-            strongest = tension.max(initial=0.0) / scale
-            count.set_text(rf"{len(pairs)} bonds, strongest pull {max(strongest, 0):.2f} $F_{{adh}}$")
+            strongest = max(float(tension.max(initial=0.0)), 0.0) / scale * float(full)
+            count.set_text(f"{len(pairs)} bonds, strongest pull {strongest:.2g} {unit}")
             agg.draw()
             yield np.asarray(agg.buffer_rgba())[:, :, :3].copy()
 

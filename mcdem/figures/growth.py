@@ -3,32 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
+from numpy.typing import ArrayLike
 
 from mcdem.analysis import paper
 from mcdem.analysis.dataset import RunDataset
-from mcdem.encounter import capture_efficiency as capture
-from mcdem.errors import UserError
 from mcdem.figures.figure import Figure, quantity
-from mcdem.figures.style import BLACK, LINES, VERMILION, canvas, colour, note
-from mcdem.integrators import DEFAULT
-from mcdem.scene import Scene
+from mcdem.figures.style import BLACK, COLUMN, VERMILION, canvas, colour, headline, legend_below, plural
 
 MOST_POINTS = 4000
 """A line of more points than a page has dots is thinned, extremes kept."""
 
 
-def thin(time: np.ndarray, *values: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Every k-th row, the last one included."""
+def thin(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and last row, and the least and the largest value of each of MOST_POINTS/2 stretches."""
     if len(time) <= MOST_POINTS:
-        return time, *values
-    kept = np.unique(np.linspace(0, len(time) - 1, MOST_POINTS).round().astype(int))
-    return time[kept], *(v[kept] for v in values)
+        return time, values
+    edges = np.linspace(0, len(time), MOST_POINTS // 2).round().astype(int)
+    stretches = [slice(first, last) for first, last in pairwise(edges.tolist())]
+    rows = [s.start + k for s in stretches for k in (values[s].argmin(), values[s].argmax())]
+    kept = np.unique([0, *rows, len(time) - 1])
+    return time[kept], values[kept]
 
 
 def history(runs: Sequence[RunDataset], name: str, scale: float = 1.0) -> xr.Dataset:
@@ -59,112 +60,76 @@ def history(runs: Sequence[RunDataset], name: str, scale: float = 1.0) -> xr.Dat
     )
 
 
-def _lines(axes: Axes, numbers: xr.Dataset, name: str) -> None:
+def steps(axes: Axes, time: ArrayLike, values: ArrayLike, **keywords: Any) -> None:
+    """A series that holds each of its values until the next encounter."""
+    axes.plot(time, values, drawstyle="steps-post", **keywords)
+
+
+def _draw_history(numbers: xr.Dataset, name: str, label: str) -> Canvas:
+    """Every run; beside it, on the same axis, the mean of each steady stretch, which no line hides."""
+    steady = numbers["steady"].values
+    figure, grid = canvas(
+        COLUMN + 0.5,
+        2.9,
+        ncols=2,
+        sharey=True,
+        squeeze=False,
+        width_ratios=(1, 0.16 if steady.any() else 1e-3),
+    )
+    axes, beside = grid[0]
     stresses = np.unique(numbers["stress"].values).tolist()
+    seen: set[float] = set()
     for k in range(numbers.sizes["run"]):
         one = numbers.isel(run=k)
-        which = stresses.index(float(one["stress"]))
-        first = k == numbers["stress"].values.tolist().index(float(one["stress"]))
-        label = f"{float(one['stress']):.4g} Pa" if first else None
-        axes.plot(one["time"], one[name], LINES[which % 4], color=colour(which), label=label, lw=0.8)
-        if not bool(one["steady"]):
-            continue
-        span = [float(one["steady_start"]), float(one["time"].max())]
-        mean, error = float(one["steady_mean"]), float(one["steady_error"])
-        axes.fill_between(span, mean - 2 * error, mean + 2 * error, color=colour(which), alpha=0.3, lw=0)
-    axes.set_xlabel("process time  $t$ [s]")
-    axes.set_xlim(0, float(numbers["time"].max()))
-    axes.legend(title=r"$\mu\dot\gamma$", title_fontsize=6.5, loc="upper left", alignment="left")
-    steady, runs = int(numbers["steady"].sum()), numbers.sizes["run"]
-    note(
-        axes,
-        f"{int(numbers['events'].sum())} encounters, {runs} run{'s' * (runs > 1)}, {steady} steady"
-        + ("; bands: 95 % limits" if steady else ""),
-    )
-
-
-def with_initial_trend(numbers: xr.Dataset, run: RunDataset) -> xr.Dataset:
-    """Add the start of a run and the slopes of Eq. 22 with the paper's eta_11 (Eq. 23) and with the computed one."""
-    printed = paper.COLLISION_EFFICIENCY.items()
-    efficiency = next(
-        (v for s, v in printed if paper.holds_for(run.scene, s)), capture.van_de_ven_mason(run.scene)
-    )
-    slope = capture.initial_growth(run.scene, efficiency)
-    computed = capture.initial_growth(run.scene, computed_efficiency(run.scene))
-    early = run.time <= initial_stretch(run)
-    size, number = run.series["mean_size"].values[early], run.series["number_of_aggregates"].values[early]
-    numbers["initial_time"] = quantity(run.time[early], "early", "s", "process time")
-    numbers["initial_mean_size"] = quantity(size, "early", "1", "<P>")
-    numbers["initial_primaries"] = quantity(size * number, "early", "1", "primaries in the sample volume")
-    numbers["initial_slope"] = quantity(slope, (), "1/s", "d<P>/dt of Eq. 22 with eta_11 of Eq. 23")
-    numbers["computed_slope"] = quantity(
-        computed, (), "1/s", "d<P>/dt of Eq. 22 with eta_11 of the scene's encounters"
-    )
-    return numbers
-
-
-@cache
-def computed_efficiency(scene: Scene) -> float:
-    """eta_11 of two primaries of the scene, by the default steps, to half a per cent; NaN where nothing sticks."""
-    implicit = scene.numerics.model_copy(update={"scheme": DEFAULT})
-    try:
-        return capture.pair_efficiency(scene.model_copy(update={"numerics": implicit}), rays=4).efficiency
-    except UserError:
-        return float("nan")
-
-
-def initial_stretch(run: RunDataset) -> float:
-    """Time [s] until <P> has grown by a half: monomers aggregate, and Eq. 22's slope has not steepened much."""
-    grown = np.flatnonzero(run.series["mean_size"].values > 1.5)
-    return float(run.time[grown[0]] if len(grown) else run.time[-1])
+        stress = float(one["stress"])
+        tint = colour(stresses.index(stress))
+        words = None if stress in seen else f"{stress:.4g} Pa"
+        seen.add(stress)
+        steps(axes, one["time"], one[name], color=tint, lw=0.7, label=words)
+        if steady[k]:
+            beside.errorbar(
+                k,
+                one["steady_mean"],
+                2 * one["steady_error"],
+                fmt="o",
+                ms=2.5,
+                color=tint,
+                elinewidth=1.2,
+                capsize=2,
+            )
+    axes.set(xlabel="process time  $t$ [s]", ylabel=label)
+    axes.set_xlim(0, max(float(numbers["time"].max()), 1e-12))
+    axes.set_ylim(0, 1.05 * float(numbers[name].max()))
+    if steady.any():
+        beside.set(xticks=[], xlabel="mean", xlim=(-0.7, len(steady) - 0.3))
+    else:
+        figure.delaxes(beside)
+    runs = plural(len(steady), "run")
+    headline(axes, f"{int(numbers['events'].sum())} encounters, {runs}, {int(steady.sum())} steady")
+    legend_below(figure, "right: means of steady stretches, 95 % limits" if steady.any() else "", ncols=5)
+    return figure
 
 
 def mean_size(runs: Sequence[RunDataset]) -> Figure:
-    """Fig. 6a, with the initial trend of the lowest stress against Eq. 22 in its inset."""
-    numbers = with_initial_trend(history(runs, "mean_size"), runs[0])
+    """Fig. 6a; its inset is `initial_growth`."""
     return Figure(
-        "fig06a_mean_size", "Mean aggregate size <P> against process time.", numbers, draw_mean_size
+        "fig06a_mean_size",
+        "Mean aggregate size <P> against process time.",
+        history(runs, "mean_size"),
+        draw_mean_size,
     )
 
 
-def draw_initial_trend(axes: Axes, numbers: xr.Dataset, label: str) -> None:
-    """The start of <P>(t), Eq. 22's line, and the scatter that chance alone gives it."""
-    t, slope = numbers["initial_time"].values, float(numbers["computed_slope"])
-    axes.plot(t, numbers["initial_mean_size"], color=BLACK, lw=0.8, label=label)
-    if np.isfinite(float(numbers["initial_slope"])):
-        law = 1 + float(numbers["initial_slope"]) * t
-        axes.plot(t, law, ":", color=BLACK, lw=0.8, label=r"Eq. 22, $\eta_{11}$ of Eq. 23")
-    if np.isfinite(slope):
-        expected = 1 + slope * t
-        # <P> = P_tot/(P_tot - n): Poisson scatter of the n aggregations that it takes to get there
-        total = numbers["initial_primaries"].values
-        scatter = expected**2 * np.sqrt(total * (1 - 1 / expected)) / total
-        axes.plot(t, expected, "--", color=VERMILION, lw=0.8, label=r"Eq. 22, $\eta_{11}$ computed")
-        axes.fill_between(
-            t, expected - 2 * scatter, expected + 2 * scatter, color=VERMILION, alpha=0.15, lw=0
-        )
-
-
 def draw_mean_size(numbers: xr.Dataset) -> Canvas:
-    """<P>(t) of all runs; inset: its start."""
-    figure, axes = canvas(height=3.0)
-    _lines(axes, numbers, "mean_size")
-    axes.set_ylabel(r"mean aggregate size  $\langle P\rangle$")
-    top = float(numbers["mean_size"].max())
-    axes.set_ylim(0, 1.9 * top)
-    inset = axes.inset_axes((0.52, 0.60, 0.45, 0.36))
-    draw_initial_trend(inset, numbers, f"{float(numbers['stress'][0]):.4g} Pa")
-    inset.legend(fontsize=5, loc="upper left", framealpha=0.0)
-    inset.tick_params(labelsize=5.5)
-    inset.set_xlim(0, float(numbers["initial_time"][-1]))
-    inset.set_ylim(1, 1.0 + 1.5 * (inset.get_ylim()[1] - 1.0))
-    return figure
+    """<P>(t) of all runs."""
+    return _draw_history(numbers, "mean_size", r"mean aggregate size  $\langle P\rangle$")
 
 
 def sauter_diameter(runs: Sequence[RunDataset]) -> Figure:
     """Fig. 6b."""
     numbers = history(runs, "sauter_diameter", 1e6)
-    numbers["sauter_diameter"].attrs["units"] = "um"
+    for name in ("sauter_diameter", "steady_mean", "steady_error"):
+        numbers[name].attrs["units"] = "um"
     return Figure(
         "fig06b_sauter_diameter", "Sauter diameter d32 (Eq. 24) against process time.", numbers, draw_sauter
     )
@@ -172,17 +137,15 @@ def sauter_diameter(runs: Sequence[RunDataset]) -> Figure:
 
 def draw_sauter(numbers: xr.Dataset) -> Canvas:
     """d32(t) of all runs."""
-    figure, axes = canvas()
-    _lines(axes, numbers, "sauter_diameter")
-    axes.set_ylabel(r"Sauter diameter  $d_{32}$ [µm]")
-    axes.set_ylim(0, 1.7 * float(numbers["sauter_diameter"].max()))
-    return figure
+    return _draw_history(numbers, "sauter_diameter", r"Sauter diameter  $d_{32}$ [µm]")
 
 
-def width(run: RunDataset) -> Figure:
-    """Fig. 7: <P> and sigma_P of one run."""
+def width(runs: Sequence[RunDataset]) -> Figure:
+    """Fig. 7: <P> and sigma_P of the first of the replicas."""
+    run = runs[0]
     numbers = history([run], "mean_size").isel(run=0).rename(steady_mean="mean_size_steady")
-    deviation = history([run], "size_deviation").isel(run=0)
+    deviation = history([run], "size_deviation").isel(run=0).rename(row="deviation_row")
+    numbers["deviation_time"] = deviation["time"]
     numbers["size_deviation"] = deviation["size_deviation"]
     numbers["size_deviation_steady"] = deviation["steady_mean"]
     return Figure(
@@ -196,58 +159,21 @@ def width(run: RunDataset) -> Figure:
 def draw_width(numbers: xr.Dataset) -> Canvas:
     """<P>(t) and sigma_P(t); the paper's 60 % of <P>."""
     figure, axes = canvas()
-    t = numbers["time"]
-    axes.plot(t, numbers["mean_size"], color=BLACK, label=r"$\langle P\rangle$", lw=0.8)
-    axes.plot(t, numbers["size_deviation"], color=VERMILION, label=r"$\sigma_P$", lw=0.8)
-    start, end = float(numbers["steady_start"]), float(t.max())
+    start, end = float(numbers["steady_start"]), float(numbers["time"].max())
     mean, deviation = float(numbers["mean_size_steady"]), float(numbers["size_deviation_steady"])
-    words = "steady" if bool(numbers["steady"]) else "not steady; last 40 %"
-    axes.plot([start, end], [mean, mean], color=BLACK, lw=2.2, alpha=0.35)
-    axes.plot([start, end], [deviation, deviation], color=VERMILION, lw=2.2, alpha=0.35)
+    for time, name, level, tint, words in (
+        ("time", "mean_size", mean, BLACK, r"$\langle P\rangle$"),
+        ("deviation_time", "size_deviation", deviation, VERMILION, r"$\sigma_P$"),
+    ):
+        steps(axes, numbers[time], numbers[name], color=tint, lw=0.7, alpha=0.6, label=words)
+        axes.plot([start, end], [level, level], color=tint, lw=1.8, zorder=3, label=f"{words}, mean")
     if numbers.attrs["paper"]:
         level = paper.RELATIVE_DEVIATION * mean
         axes.plot([start, end], [level, level], ":", color=BLACK, label=r"0.60 $\langle P\rangle$ (paper)")
-    note(axes, rf"{words}: $\sigma_P/\langle P\rangle$ = {deviation / mean:.2f}")
-    axes.set_xlabel("process time  $t$ [s]")
-    axes.set_ylabel(r"$\langle P\rangle$,  $\sigma_P$")
-    axes.set_xlim(0, end)
-    axes.set_ylim(0, 1.25 * float(np.nanmax([numbers["mean_size"].max(), numbers["size_deviation"].max()])))
-    axes.legend(loc="upper left", ncols=3)
-    return figure
-
-
-# The course of one run
-
-
-def course(run: RunDataset) -> xr.Dataset:
-    """<P>(t) and d32(t) of one run, and its initial trend."""
-    numbers = history([run], "mean_size").isel(run=0)
-    numbers["sauter_diameter"] = history([run], "sauter_diameter", 1e6)["sauter_diameter"].isel(run=0)
-    return with_initial_trend(numbers, run)
-
-
-def draw_course(numbers: xr.Dataset) -> Canvas:
-    """Above <P>, with the slope of Eq. 22 at the start; below d32."""
-    figure, (above, below) = canvas(height=4.0, nrows=2, sharex=True)
-    above.plot(numbers["time"], numbers["mean_size"], color=BLACK, lw=0.8)
-    early = numbers["mean_size"].values[np.isfinite(numbers["mean_size"].values)]
-    end = float(numbers["time"].max())
-    top = 1.15 * float(early.max())
-    for name, line, tone, words in (
-        ("initial_slope", ":", BLACK, r"Eq. 22, $\eta_{11}$ of Eq. 23"),
-        ("computed_slope", "--", VERMILION, r"Eq. 22, $\eta_{11}$ computed"),
-    ):
-        slope = float(numbers[name])
-        if np.isfinite(slope):
-            reach = min(end, (top - 1) / slope) if slope > 0 else end
-            above.plot([0, reach], [1, 1 + slope * reach], line, color=tone, label=words)
-            above.legend(loc="lower right")
-    above.set_ylabel(r"mean size  $\langle P\rangle$")
-    above.set_ylim(0, top)
-    above.set_title(f"{float(numbers['stress']):.4g} Pa, {int(numbers['events'])} encounters")
-    below.plot(numbers["time"], numbers["sauter_diameter"], color=BLACK, lw=0.8)
-    below.set_ylabel(r"Sauter diameter  $d_{32}$ [µm]")
-    below.set_ylim(0, None)
-    below.set_xlabel("process time  $t$ [s]")
-    below.set_xlim(0, end if end > 0 else 1)
+    words = "steady stretch" if bool(numbers["steady"]) else "not steady; last 40 %"
+    headline(axes, rf"{words}: $\sigma_P/\langle P\rangle$ = {deviation / mean:.2f}")
+    axes.set(xlabel="process time  $t$ [s]", ylabel=r"$\langle P\rangle$,  $\sigma_P$")
+    axes.set_xlim(0, max(end, 1e-12))
+    axes.set_ylim(0, 1.05 * float(np.nanmax([numbers["mean_size"].max(), numbers["size_deviation"].max()])))
+    legend_below(figure, ncols=3)
     return figure

@@ -9,11 +9,12 @@ import xarray as xr
 from matplotlib.figure import Figure as Canvas
 
 from mcdem.analysis.dataset import RunDataset
-from mcdem.analysis.statistics import count_limits, share, shares
-from mcdem.figures.figure import Figure, quantity
-from mcdem.figures.style import BLACK, GREY, OUTCOME, canvas, legend
+from mcdem.analysis.statistics import share, shares
+from mcdem.figures.figure import Figure, NothingToShowError, quantity
+from mcdem.figures.style import BLACK, GREY, OUTCOME, canvas, headline, legend_below, plain_ticks, plural
 
-BINS = 20
+FEWEST_BINS, MOST_BINS, A_BIN = 5, 20, 100
+"""Bins of the offset, and how many encounters each should have."""
 
 
 def _gathered(runs: Sequence[RunDataset]) -> xr.Dataset:
@@ -57,7 +58,8 @@ def outcome_offset(runs: Sequence[RunDataset]) -> Figure:
     """Where in the cross section an encounter starts, and how it ends."""
     found = _gathered(runs)
     offset = np.abs(found["offset"].values)
-    edges = np.linspace(0, 1, BINS + 1)
+    bins = int(np.clip(len(offset) // A_BIN, FEWEST_BINS, MOST_BINS))
+    edges = np.linspace(0, 1, bins + 1)
     counts = [np.histogram(offset[found["outcome"].values == outcome, 1], edges)[0] for outcome in OUTCOME]
     numbers = found[["outcome", "both_monomers"]]
     numbers["x0"] = quantity(offset[:, 0], "event", "1", "offset along vorticity over R_i + R_j")
@@ -73,79 +75,74 @@ def outcome_offset(runs: Sequence[RunDataset]) -> Figure:
     )
 
 
+A_CURVE = 10
+"""Encounters below which the limits of a distribution cover all of it: the number is given instead."""
 MOST_SHOWN = 1500
+"""Points of one outcome: more would hide each other. The legend says of how many each is one."""
 
 
 def draw_outcome_offset(numbers: xr.Dataset) -> Canvas:
     """Left: encounters in the quarter of the cross section; right: share of each outcome against y0."""
-    figure, (left, right) = canvas(6.2, 2.9, ncols=2)
+    figure, (left, right) = canvas(6.2, 3.3, ncols=2)
     outcome = numbers["outcome"].values
-    shown = np.zeros(len(outcome), dtype=bool)
-    # Misses outnumber all else: an even choice of them, the same at every drawing.
-    for kind in OUTCOME:
-        rows = np.flatnonzero(outcome == kind)
-        shown[rows[:: max(1, -(-len(rows) // MOST_SHOWN))]] = True
-    for kind, (colour, marker) in OUTCOME.items():
-        chosen = shown & (outcome == kind)
-        total = int((outcome == kind).sum())
-        if not total:
-            continue
-        size, alpha = (3, 0.35) if kind == "missed" else (7, 0.75)
-        left.scatter(
-            numbers["x0"][chosen],
-            numbers["y0"][chosen],
-            size,
-            color=colour,
-            marker=marker,
-            alpha=alpha,
-            linewidths=0.4 if marker == "x" else 0,
-            label=f"{kind}: {total}",
-            zorder=1 if kind == "missed" else 2,
-        )
-    arc = np.linspace(0, np.pi / 2, 100)
-    left.plot(np.cos(arc), np.sin(arc), color=GREY, lw=0.6)
-    left.set_aspect("equal")
-    left.set_xlim(0, 1.02)
-    left.set_ylim(0, 1.02)
-    left.set_xlabel("vorticity  $|x_0|/(R_i+R_j)$")
-    left.set_ylabel("gradient  $|y_0|/(R_i+R_j)$")
-    left.legend(
-        loc="upper left",
-        bbox_to_anchor=(0.5, 1.01),
-        fontsize=5.5,
-        markerscale=1.2,
-        frameon=True,
-        framealpha=0.9,
-        edgecolor="none",
-    )
     edge = numbers["edge"].values
     middle = 0.5 * (edge[1:] + edge[:-1])
     totals = numbers["count"].sum("kind").values
-    for kind, (colour, marker) in OUTCOME.items():
-        count = numbers["count"].sel(kind=kind).values
-        if not count.any() or kind == "missed":
+    known = totals > 0
+    for kind, (tint, marker) in OUTCOME.items():
+        rows = np.flatnonzero(outcome == kind)
+        if not len(rows):
             continue
+        # An even choice, the same at every drawing.
+        one_of = max(1, -(-len(rows) // MOST_SHOWN))
+        drawn = rows[::one_of]
+        size, alpha = (3, 0.35) if kind == "missed" else (7, 0.75)
+        thinned = f" (a point each {one_of})" if one_of > 1 else ""
+        left.scatter(
+            numbers["x0"][drawn],
+            numbers["y0"][drawn],
+            size,
+            color=tint,
+            marker=marker,
+            alpha=alpha,
+            linewidths=0.6 if marker == "x" else 0,
+            label=f"{kind}: {len(rows)}{thinned}",
+            zorder=1 if kind == "missed" else 2,
+        )
+        if kind == "missed":
+            continue
+        count = numbers["count"].sel(kind=kind).values
         limits = np.array([share(int(k), int(n)) for k, n in zip(count, totals, strict=True)])
-        known = totals > 0
-        right.plot(middle[known], limits[known, 0], color=colour, marker=marker, ms=2.5, lw=0.8, label=kind)
-        right.fill_between(middle[known], limits[known, 1], limits[known, 2], color=colour, alpha=0.18, lw=0)
+        right.plot(middle[known], limits[known, 0], color=tint, marker=marker, ms=2.5, lw=0.8)
+        right.fill_between(middle[known], limits[known, 1], limits[known, 2], color=tint, alpha=0.18, lw=0)
+    arc = np.linspace(0, np.pi / 2, 100)
+    left.plot(np.cos(arc), np.sin(arc), color=GREY, lw=0.6)
+    left.set_aspect("equal")
+    left.set(xlabel="vorticity  $|x_0|/(R_i+R_j)$", ylabel="gradient  $|y_0|/(R_i+R_j)$")
+    left.set_xlim(0, 1.02)
+    left.set_ylim(0, 1.02)
+    right.set(xlabel="gradient  $|y_0|/(R_i+R_j)$", ylabel="share of encounters, the rest missed")
     right.set_xlim(0, 1)
     right.set_ylim(0, None)
-    right.set_xlabel("gradient  $|y_0|/(R_i+R_j)$")
-    right.set_ylabel("share of encounters")
-    legend(right, "bands: 95 % (Wilson)", loc="upper right")
+    headline(left, "offsets drawn in proportion to the flux")
+    headline(right, f"{plural(len(outcome), 'encounter')}; bands: 95 % (Wilson)")
+    legend_below(figure, ncols=3)
     return figure
 
 
 # Time to first bond loss
 
 
-def first_bond_loss(runs: Sequence[RunDataset]) -> Figure | None:
-    """Strain from the first contact to the first bond lost after it; None where the dataset does not hold it."""
+def first_bond_loss(runs: Sequence[RunDataset]) -> Figure:
+    """Strain from the first contact to the first bond lost after it."""
     if any("first_bond_loss_time" not in run.events for run in runs):
-        return None
+        raise NothingToShowError("first_bond_loss: the dataset does not hold the times of first bond losses")
     found = _gathered(runs)
     wait = found["first_bond_loss_time"].values - np.nan_to_num(found["first_contact_time"].values)
+    if not (wait > 0).any():
+        raise NothingToShowError(
+            f"first_bond_loss: no encounter at {runs[0].label} lost a bond after contact"
+        )
     numbers = found[["outcome"]]
     numbers["wait"] = quantity(
         wait,
@@ -163,43 +160,28 @@ def first_bond_loss(runs: Sequence[RunDataset]) -> Figure | None:
 
 def draw_first_bond_loss(numbers: xr.Dataset) -> Canvas:
     """Share of encounters that have lost no bond yet, against strain since contact, by outcome."""
-    figure, axes = canvas()
+    figure, axes = canvas(height=3.0)
     outcome, wait = numbers["outcome"].values, numbers["wait"].values
-    for kind, (colour, _) in OUTCOME.items():
+    every = wait[wait > 0]
+    begin = max(min(0.05, 0.5 * float(np.quantile(every, 0.01))), 1e-3)
+    end = max(20.0, 1.5 * float(every.max()))
+    for kind, (tint, _) in OUTCOME.items():
         chosen = outcome == kind
         if kind in ("missed", "unresolved") or not chosen.any():
             continue
+        total = int(chosen.sum())
         lost = np.sort(wait[chosen & (wait > 0)])
-        total = chosen.sum()
-        left = 1 - np.arange(len(lost) + 1) / total
-        axes.step(
-            np.concatenate([[1e-2], lost]),
-            left,
-            where="post",
-            color=colour,
-            label=f"{kind}: {len(lost)} of {total}",
-        )
-        if len(lost):
-            _, low, high = shares(total - np.arange(len(lost) + 1), int(total))
-            axes.fill_between(
-                np.concatenate([[1e-2], lost]),
-                low,
-                high,
-                step="post",
-                color=colour,
-                alpha=0.2,
-                lw=0,
-            )
-    axes.axvline(2 * np.pi, color=GREY, lw=0.6, ls=":")
-    axes.text(2 * np.pi, 1.04, "half a turn", fontsize=5.5, ha="center")
-    axes.set_xscale("log")
-    axes.set_xlim(0.05, 200)
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.set_ylim(0, 1.12)
-    axes.set_xlabel(r"strain since contact  $\dot\gamma t$")
-    axes.set_ylabel("share with all bonds yet")
-    # Above the axes: the curves may go anywhere.
-    legend(axes, "lost a bond, of all; bands: 95 %", loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+        at = np.concatenate([[min([begin, *lost[:1]])], lost, [end]])
+        without = total - np.minimum(np.arange(len(at)), len(lost))
+        axes.step(at, without / total, where="post", color=tint, label=f"{kind}: {len(lost)} of {total}")
+        _, low, high = shares(without, total)
+        axes.fill_between(at, low, high, step="post", color=tint, alpha=0.2, lw=0)
+    axes.axvline(2 * np.pi, color=GREY, lw=0.7, ls=":", label="half a turn of a sphere")
+    axes.set(xscale="log", xlabel=r"strain since contact  $\dot\gamma t$", ylabel="share with all bonds yet")
+    axes.set_xlim(begin, end)
+    axes.set_ylim(0, 1.02)
+    plain_ticks(axes.xaxis)
+    legend_below(figure, "encounters that lost a bond, of all of that outcome; bands: 95 %")
     return figure
 
 
@@ -209,40 +191,53 @@ def draw_first_bond_loss(numbers: xr.Dataset) -> Canvas:
 def bond_tension(runs: Sequence[RunDataset]) -> Figure:
     """Largest tension met in each encounter over the pull-off force."""
     found = _gathered(runs)
+    pulled = found["outcome"].values[found["tension"].values > 0]
+    if not any((pulled == kind).sum() >= A_CURVE for kind in OUTCOME):
+        raise NothingToShowError(
+            f"bond_tension: {len(pulled)} encounters at {runs[0].label} pulled a bond, of no outcome {A_CURVE} or more"
+        )
     return Figure(
         "bond_tension",
-        f"Largest bond tension of each encounter over the pull-off force at {runs[0].label}.",
+        f"Share of encounters whose largest bond tension exceeds a share of the pull-off force at {runs[0].label}.",
         found[["outcome", "tension", "size"]],
         draw_bond_tension,
     )
 
 
 def draw_bond_tension(numbers: xr.Dataset) -> Canvas:
-    """Density of the largest tension by outcome."""
-    figure, axes = canvas()
+    """Share pulled harder than a tension, by outcome.
+
+    As what exceeds, not as a density: many encounters of one tension are a step, which hides nothing behind it, and a single
+    one is as tall as it is worth.
+    """
+    figure, axes = canvas(height=3.0)
     tension, outcome = numbers["tension"].values, numbers["outcome"].values
     pulled = np.isfinite(tension) & (tension > 0)
-    edges = np.linspace(0, max(1.2, tension[pulled].max(initial=1.0) * 1.02), 61)
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    for kind, (colour, _) in OUTCOME.items():
-        chosen = pulled & (outcome == kind)
-        if chosen.sum() < 2:
+    end = 1.04 * max(1.0, float(tension[pulled].max()))
+    few: list[str] = []
+    for kind, (tint, _) in OUTCOME.items():
+        found = np.sort(tension[pulled & (outcome == kind)])
+        total = len(found)
+        if total < A_CURVE:
+            few += [f"{kind}: {total}"] if total else []
             continue
-        count = np.histogram(tension[chosen], edges)[0]
-        density = count / chosen.sum() / (edges[1] - edges[0])
-        low, high = (limit / chosen.sum() / (edges[1] - edges[0]) for limit in count_limits(count))
-        axes.plot(
-            middle, density, color=colour, drawstyle="steps-mid", lw=0.9, label=f"{kind}: {chosen.sum()}"
-        )
-        axes.fill_between(middle, low, high, step="mid", color=colour, alpha=0.2, lw=0)
-    axes.axvline(1.0, color=BLACK, lw=0.6, ls=":")
-    axes.text(1.0, 1.01, "pull-off", transform=axes.get_xaxis_transform(), fontsize=5.5, ha="center")
-    axes.set_yscale("symlog", linthresh=1.0)
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.set_ylim(0, None)
-    axes.set_xlim(0, edges[-1])
-    axes.set_xlabel(r"largest tension of an encounter over  $F_{adh}$")
-    axes.set_ylabel("probability density")
-    axes.set_ylim(0, 6 * axes.get_ylim()[1])
-    legend(axes, "encounters; bands: 95 %, Poisson", loc="upper left")
+        at, first = np.unique(found, return_index=True)
+        x = np.concatenate([[0.0], at, [end]])
+        above = np.concatenate([[total], np.append(total - first[1:], 0), [0]])
+        axes.step(
+            x, above / total, where="post", color=tint, label=f"{kind}: {total}"
+        )  # fmt: skip
+        _, low, high = shares(above, total)
+        axes.fill_between(x, low, high, step="post", color=tint, alpha=0.18, lw=0)
+    axes.axvline(1.0, color=BLACK, lw=0.7, ls=":", label="pull-off")
+    axes.set_xlim(0, end)
+    axes.set_ylim(0, 1.02)
+    axes.set(
+        xlabel=r"tension over pull-off force  $F_{adh}$",
+        ylabel="share pulled harder",
+    )
+    small_print = "encounters in which a bond was pulled; bands: 95 %"
+    if few:
+        small_print += f"\ntoo few for a curve: {', '.join(few)}"
+    legend_below(figure, small_print)
     return figure

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-import numpy as np
 
 from mcdem.analysis import paper
 from mcdem.analysis.breakup import in_convention
@@ -22,7 +21,7 @@ from mcdem.encounter.capture_efficiency import van_de_ven_mason
 from mcdem.errors import UserError
 from mcdem.figures import figures_of
 from mcdem.figures.outcomes import pull_off_force
-from mcdem.figures.style import look
+from mcdem.figures.style import COLUMN, look, plural
 from mcdem.netcdf.whole_files import FILES
 from mcdem.scene import describe
 
@@ -132,10 +131,9 @@ def warnings(run: RunDataset) -> Iterator[str]:
             f"{unresolved} encounters were left unresolved ({portion:.2%}, 95 % limits {low:.2%} to {high:.2%}); "
             f"their parents stayed as they were.{_too_long(run)}"
         )
-    doublings = int(np.log2(run.series["volume"].values[-1] / run.series["volume"].values[0]) + 0.5)
-    if doublings:
+    if run.doublings:
         yield (
-            f"The sample was doubled {doublings} time{'s' * (doublings > 1)} by exact copy: its aggregates are not "
+            f"The sample was doubled {plural(run.doublings, 'time')} by exact copy: its aggregates are not "
             "independent, and errors from this run alone are lower bounds. Independent seeds give honest ones."
         )
     if not any(paper.holds_for(run.scene, stress) for stress in paper.STRESSES):
@@ -148,12 +146,14 @@ def report(file: Path | str) -> str:
     run.scene.require_one_radius("the report is made of the paper's figures; `mcdem plot` draws its course")
     if not run.events.sizes["event"]:
         raise UserError(f"{run.path}: holds no encounter yet; let `mcdem run` go on with --resume")
-    pictures = []
-    for figure in figures_of([run]):
+    pictures, left_out = [], list[str]()
+    for figure in figures_of([run], left_out=left_out.append):
         buffer = io.BytesIO()
         with look():
-            figure.draw(figure.numbers).savefig(buffer, format="png", dpi=150)
-        pictures.append((figure.name, figure.caption, base64.b64encode(buffer.getvalue()).decode()))
+            drawn = figure.draw(figure.numbers)
+            drawn.savefig(buffer, format="png", dpi=150)
+        is_wide = drawn.get_size_inches()[0] > 1.3 * COLUMN
+        pictures.append((figure.name, figure.caption, base64.b64encode(buffer.getvalue()).decode(), is_wide))
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
@@ -169,6 +169,7 @@ def report(file: Path | str) -> str:
         rows=compare([run]),
         rule=RULE,
         figures=pictures,
+        left_out=left_out,
         events=run.events.sizes["event"],
         end=float(run.time[-1]),
         mean_size=run.average("mean_size"),

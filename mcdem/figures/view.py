@@ -19,7 +19,7 @@ from mcdem.analysis.dataset import RunDataset
 from mcdem.encounter import trajectory
 from mcdem.encounter.trajectory import Trajectory
 from mcdem.errors import UserError
-from mcdem.figures.film import half_widths, interesting
+from mcdem.figures.film import half_widths, interesting, tension_scale
 from mcdem.figures.style import ORANGE, SKY
 from mcdem.netcdf.whole_files import FILES
 
@@ -62,7 +62,7 @@ def encounter_page(t: Trajectory) -> str:
     t = t.part(0, t.frames, max(1, -(-t.frames // MOST_FRAMES)))
     # seen as the film shows it: flow to the right, gradient up
     about = (t.positions - t.positions.mean(axis=1, keepdims=True))[:, :, [2, 1, 0]] * [1, 1, -1] / t.radius
-    scale = t.pull_off_force if np.isfinite(t.pull_off_force) else 1.0
+    scale, full, unit = tension_scale(t)
     bonds = [t.bonds(k) for k in range(t.frames)]
     slots = max(1, *(len(pairs) for pairs, _ in bonds))
     points, vertices, colours = {}, {}, {}
@@ -107,7 +107,8 @@ def encounter_page(t: Trajectory) -> str:
     return _page(
         plot,
         title,
-        "flow to the right, gradient up; blue i, orange j; bonds blue pushed, red pulled",
+        "flow to the right, gradient up; blue i, orange j; bonds blue pushed, red pulled, "
+        f"full colour at {full} {unit.replace('$F_{adh}$', 'F_adh')}",
         t.strain,
     )
 

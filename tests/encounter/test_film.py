@@ -3,6 +3,7 @@
 import re
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from mcdem.aggregates.shapes import aggregate_of
 from mcdem.commands.main import app
 from mcdem.encounter import trajectory
 from mcdem.errors import UserError
-from mcdem.figures.film import film, frames, half_widths, interesting
+from mcdem.figures.film import film, frames, half_widths, interesting, tension_scale
 from mcdem.scene import load_scene
 
 
@@ -31,6 +32,22 @@ def test_frames_show_all_spheres_in_two_colours():
     orange = (picture[..., 0] - picture[..., 2] > 60).sum()
     assert blue > 1.3 * orange > 100  # two of i against one of j
     assert np.abs(pictures[0].astype(int) - pictures[-1]).sum() > 0
+
+
+@pytest.mark.parametrize(
+    ("borne", "full"), [(1.0, "1"), (0.3, "0.5"), (0.02, "0.02"), (7e-4, "0.001"), (3.0, "1")]
+)
+def test_the_scale_of_colours_spans_what_bonds_bear(borne, full):
+    """Bonds that bear little are not all grey, and the scale says how little that is."""
+    course = turning_trimer(9)
+    tension = np.where(np.isfinite(course.tension), borne * course.pull_off_force, np.nan)
+    assert tension_scale(replace(course, tension=tension)) == (
+        pytest.approx(float(full) * course.pull_off_force),
+        full,
+        "$F_{adh}$",
+    )
+    without = replace(course, tension=tension, pull_off_force=np.nan)
+    assert tension_scale(without)[2] == "nN"
 
 
 def test_the_camera_follows_the_centre_of_mass():

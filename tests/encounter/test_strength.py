@@ -9,6 +9,7 @@ from small_runs import small_runs
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.analysis.dataset import RunDataset
 from mcdem.encounter.static_strength import worst_loads
+from mcdem.figures import NothingToShowError
 from mcdem.figures.strength import static_load
 from mcdem.hydrodynamics import LEVELS
 from mcdem.scene import load_scene
@@ -68,7 +69,8 @@ def test_an_octahedron_is_loaded_alike_in_all_its_poses_at_every_level(level):
 
 def test_the_figure_distinguishes_rigid_from_floppy_aggregates(monkeypatch):
     run = RunDataset(small_runs()[1])
-    assert static_load([run]) is None  # its made-up aggregates are all floppy
+    with pytest.raises(NothingToShowError, match="static_load: 0 of"):
+        static_load([run])  # its made-up aggregates are all floppy
     # Tetrahedra face to face (Boerdijk & Coxeter): rigid at every size.
     helix = list(tetrahedron(SCENE).positions)
     while len(helix) < 14:
@@ -80,7 +82,6 @@ def test_the_figure_distinguishes_rigid_from_floppy_aggregates(monkeypatch):
     ]
     monkeypatch.setattr(RunDataset, "aggregates", lambda self, snapshot: shapes)
     figure = static_load([run])
-    assert figure is not None
     numbers, snapshots = figure.numbers, len(run.late_snapshots)
     count = len(rigid)
     assert (numbers.sizes["aggregate"], numbers.attrs["floppy"]) == (count * snapshots, snapshots)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 import xarray as xr
-from matplotlib.text import Text
+from overlaps import overlaps
+from pbe_synthetic import RADIUS, SHEAR_RATE, design
 
 from pbekit import figures
 from pbekit.study.compare import Comparison
+from pbekit.tables.kernel_table import KernelTable
 
 SIZES = np.arange(1.0, 41.0)
 ASSUMPTIONS = ["as tabulated", "products forget the parents' shape", "outcomes by the fitted law alone"]
@@ -99,7 +99,15 @@ def over_stresses(leg):
     return data, runs, etas
 
 
+def table(leg):
+    """Three encounters, very many, and many of primaries alone."""
+    count, largest = {"small": (3, 3), "large": (4000, 60)}.get(leg, (300, 1))
+    records = design(np.random.default_rng(1), count, largest)
+    return KernelTable.of(records, RADIUS, SHEAR_RATE, shape_edges=None)
+
+
 DRAWN = {
+    "table": lambda leg, path: figures.draw_table(table(leg), path),
     "course": lambda leg, path: figures.draw_course(comparison(leg), path),
     "distribution": lambda leg, path: figures.draw_distribution(comparison(leg), path),
     "ablation": lambda leg, path: figures.draw_ablation(comparison(leg), path),
@@ -124,39 +132,8 @@ def test_no_text_lies_over_another_or_over_data(name, leg, tmp_path, monkeypatch
     monkeypatch.setattr(figures, "save", lambda figure, data, path: kept.append(figure))
     DRAWN[name](leg, tmp_path / "figure")
     figure = kept[0]
-    figure.canvas.draw()
     assert all(ax.has_data() for ax in figure.axes)
     assert overlaps(figure) == []
-
-
-def overlaps(figure):
-    """Pairs of texts that overlap, and legends that lie over a panel or another legend or out of the figure."""
-    draw = figure.canvas.get_renderer()
-    texts = [t for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip()]
-    boxes = [(t.get_text(), t.get_window_extent(draw).padded(-1.0)) for t in texts if within(figure, t, draw)]
-    found = [(a, b) for (a, one), (b, other) in itertools.combinations(boxes, 2) if one.overlaps(other)]
-    legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes if ax.get_legend() is not None)]
-    extents = [legend.get_window_extent(draw).padded(-1.0) for legend in legends]
-    for k, one in enumerate(extents):
-        found += [("legend", "panel") for ax in figure.axes if one.overlaps(ax.get_window_extent(draw))]
-        found += [("legend", "legend") for other in extents[k + 1 :] if one.overlaps(other)]
-        if one.x0 < 0 or one.y0 < 0 or one.x1 > figure.bbox.x1 or one.y1 > figure.bbox.y1:
-            found.append(("legend", "beyond the figure"))
-    return found
-
-
-def within(figure, text, draw):
-    """Tick labels beyond the ends of their axis are not drawn, though they have a place."""
-    for ax in figure.axes:
-        panel = ax.get_window_extent(draw)
-        for axis, low, high, of in (
-            (ax.xaxis, panel.x0, panel.x1, lambda box: 0.5 * (box.x0 + box.x1)),
-            (ax.yaxis, panel.y0, panel.y1, lambda box: 0.5 * (box.y0 + box.y1)),
-        ):
-            ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
-            if any(text in (tick.label1, tick.label2) for tick in ticks):
-                return low - 1 <= of(text.get_window_extent(draw)) <= high + 1
-    return True
 
 
 def test_a_figure_with_nothing_to_show_is_left_out_with_a_line(tmp_path, monkeypatch):
