@@ -42,7 +42,9 @@ def run(
     workers: Annotated[
         int | None,
         typer.Option(
-            min=1, help="Workers that compute encounters; the dataset is the same. Default: all available."
+            min=1,
+            help="Workers that compute encounters; on machines of one kind the dataset is the same for any number. "
+            "Default: all available.",
         ),
     ] = None,
     executor: Annotated[
