@@ -377,6 +377,28 @@ def test_the_peers_numbers_are_of_the_spheres_that_are_compared():
         np.testing.assert_allclose(np.array(shipped) - flow, flow - np.array(turned), atol=1e-6)
 
 
+def committed(case):
+    """Numbers of before that a case reads; what was read off a publication is its source, not its measurement."""
+    folders = ("validation/data", "notebooks/data")
+    published = {"durlofsky_1987_fig5.csv", "pecnut.json"}
+    paths = {path for quick in (True, False) for path in case.inputs(case.context(quick))}
+    return {p for p in paths if str(p.relative_to(ROOT).parent) in folders and p.name not in published}
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_case_that_judges_saved_data_says_so_and_measures_some_of_it_again(name):
+    case = cases_of.load(name)
+    saved = {path for quick in (True, False) for path in case.saved(case.context(quick))}
+    assert committed(case) <= saved
+    assert bool(saved) == bool(case.anew)
+    outcome = Outcome(case, case.context(True), Findings(()))
+    for path in case.saved(case.context(True)):
+        assert f"{path.name} (commit " in outcome.saved
+    assert ("computed again: " in outcome.saved) == bool(case.saved(case.context(True)))
+    for page in (report.html([outcome], "Validation"), report.markdown([outcome])):
+        assert ("aved data" in page) == bool(outcome.saved)
+
+
 # Shapes and statics that cases of breakup rest on
 
 
