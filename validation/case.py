@@ -43,6 +43,7 @@ CHAPTERS = {
     7: "Population balance",
     8: "Accuracy, hard cases and cost",
     9: "Peers",
+    10: "Measurements",
 }
 
 

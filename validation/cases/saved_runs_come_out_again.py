@@ -85,5 +85,5 @@ CASE = Case(
     inputs=datasets.runs,
     saved=datasets.runs,
     anew="that is what it does: 300 encounters of each run, in the full mode 3000",
-    seen=("weak_contacts", "weak_attraction"),
+    seen=("weak_attraction",),
 )
