@@ -18,7 +18,7 @@ import threadpoolctl
 ARITHMETIC = ("fma", "avx", "avx2", "avx512f", "neon", "sve")
 """Instructions of a processor that change how sums and products are rounded, or in which order they are made."""
 NOT_KNOWN = "a machine that was not written down"
-"""Of encounters in datasets of before."""
+"""Of encounters in datasets that do not say."""
 
 
 @cache

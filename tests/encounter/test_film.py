@@ -144,7 +144,11 @@ def test_the_films_rods_are_rigid_and_its_command_holds():
     for rod in rods:
         assert len(rod.bonds) == 3 * rod.size - 6
         assert morphology(rod.positions, rod.bonds, scene.suspension.radius)["floppy_modes"] == 0
-    assert (SCENES.parent / given["film"]).stat().st_size < 2_500_000
+    shown = SCENES.parent / "docs" / given["film"]
+    assert f'src="docs/{given["film"]}"' in README
+    assert shown.stat().st_size < 2_500_000
+    # A clone is as it was after the command.
+    assert f"/{given['film']}" in (SCENES.parent / ".gitignore").read_text().splitlines()
 
 
 def test_what_a_film_needs_is_asked_for_before_anything_is_computed(tmp_path, monkeypatch):
