@@ -17,3 +17,7 @@ class SceneError(UserError):
 
 class DataFileError(UserError):
     """A dataset cannot be read, is not ours, or would be overwritten."""
+
+
+class MachineWarning(UserWarning):
+    """Encounters of one dataset are computed on machines that round differently."""

@@ -16,6 +16,7 @@ from __future__ import annotations
 import shlex
 import sys
 import time as clock
+import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
@@ -28,9 +29,10 @@ from mcdem.aggregates.aggregate import Aggregate
 from mcdem.aggregates.morphology import aspect_ratio, second_moments, semi_axes
 from mcdem.analysis.dataset import RunDataset
 from mcdem.encounter.simulate import EncounterResult, simulate_encounter
-from mcdem.errors import DataFileError, UserError
+from mcdem.errors import DataFileError, MachineWarning, UserError
 from mcdem.monte_carlo import executors
 from mcdem.monte_carlo.executors import Encounter, ExecutorError
+from mcdem.netcdf.origin import Machines
 from mcdem.netcdf.whole_files import FILES
 from mcdem.quantities.random_streams import checked, stream
 from mcdem.scene import Scene
@@ -385,7 +387,9 @@ def tabulate(
         with interruption.allowed(), endings.keeping("nothing was computed, nothing written"):
             reused = Records.join([] if aggregates_only else [records_of_run(run) for run in opened])
             base = _classes(scene, opened, reused, shape, shapes, seed)
-            designed = _designed(path, base) if resume and path.exists() else Records.empty()
+            designed, machines = (
+                _designed(path, base) if resume and path.exists() else (Records.empty(), Machines())
+            )
             library = Library.of(opened, base)
         parts = [designed] if len(designed) else []
         done, known, saved = len(designed), Plan(np.zeros(0, np.intp)), -np.inf
@@ -395,7 +399,12 @@ def tabulate(
             return base.with_records(Records.join([reused, every.select(np.arange(count))]))
 
         def save() -> None:
-            about = {**base.about, "designed": done, "command": shlex.join(["mcdem", *sys.argv[1:]])}
+            about = {
+                **base.about,
+                "designed": done,
+                "machines": str(machines),
+                "command": shlex.join(["mcdem", *sys.argv[1:]]),
+            }
             full = table(done)
             try:
                 KernelTable(
@@ -444,6 +453,8 @@ def tabulate(
                 for k, (i, j) in enumerate(drawn):
                     with interruption.allowed():
                         result = executors.result_of(futures[k] if ahead else begin(done, (i, j)))
+                    if told := machines.computed(result.machine):
+                        warnings.warn(f"{path}: {told}", MachineWarning, stacklevel=2)
                     parts.append(record_of(library.aggregates[i], library.aggregates[j], result, base.radius))
                     done += 1
                     if clock.monotonic() - saved > checkpoint_every:
@@ -511,8 +522,8 @@ def _classes(
     ).with_records(Records.empty())
 
 
-def _designed(path: Path, base: KernelTable) -> Records:
-    """The designed encounters of a table begun before, if it is of the same scene, seed and classes."""
+def _designed(path: Path, base: KernelTable) -> tuple[Records, Machines]:
+    """The designed encounters of a table begun before and who computed them, if it is of the same scene, seed and classes."""
     try:
         old = KernelTable.load(path)
     except PBEError as problem:
@@ -526,7 +537,8 @@ def _designed(path: Path, base: KernelTable) -> Records:
         raise DataFileError(
             f"{path}: the runs have gone on since it was begun and its classes changed; use --overwrite"
         )
-    return only_designed(old).records
+    records = only_designed(old).records
+    return records, Machines.read(old.about.get("machines"), len(records))
 
 
 def _classes_of(pair: int) -> tuple[int, int]:

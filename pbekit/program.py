@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import typer
@@ -13,6 +15,25 @@ from typer.core import TyperGroup
 
 from pbekit import endings
 from pbekit.files import said_of_system
+
+OURS = ("mcdem", "pbekit")
+"""Packages whose warnings are for users."""
+
+
+@contextlib.contextmanager
+def warnings_in_a_line() -> Iterator[None]:
+    """Within, a warning of ours is a line on the terminal; those of libraries are for developers, who ask for them by -W."""
+    shown = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:
+        if category.__module__.partition(".")[0] in OURS:
+            typer.secho(f"warning: {message}", fg="yellow", err=True)
+        elif sys.warnoptions:
+            shown(message, category, *rest)
+
+    with warnings.catch_warnings():
+        warnings.showwarning = show
+        yield
 
 
 class Program(TyperGroup):
@@ -26,7 +47,8 @@ class Program(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the subcommand."""
         try:
-            done = super().invoke(ctx)
+            with warnings_in_a_line():
+                done = super().invoke(ctx)
             sys.stdout.flush()
             return done
         except self.mistakes as problem:

@@ -178,6 +178,7 @@ class Display:
         colour = {"agrees": "green", "differs": "red", "failed": "red"}.get(what.verdict.value, "yellow")
         mark = "" if what.as_expected else "  (unexpected)"
         mark += f"  needs {what.needs}: pip install {what.needs}" if what.needs else ""
+        mark = (", of saved data" if what.saved else "") + mark
         line = f"{what.verdict.value:10s}  {what.case.name}  {what.cpu:.1f} s{mark}"
         self.console.print(line, style=colour, markup=False, soft_wrap=True)
         self.bar.update(self.task, advance=1)

@@ -225,6 +225,16 @@ def clock_slow() -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def stresses_inverted() -> Iterator[None]:
+    """The runs at high stress are taken for those at low stress, and the other way round."""
+    from mcdem.analysis.dataset import RunDataset
+
+    intact = RunDataset.stress.fget  # type: ignore[attr-defined]  # a property
+    with mock.patch.object(RunDataset, "stress", property(lambda self: 1e6 / intact(self))):
+        yield
+
+
+@contextlib.contextmanager
 def outcomes_shuffled() -> Iterator[None]:
     """The encounters of the committed table have each other's outcomes, whatever their sizes."""
     from validation import datasets
@@ -341,6 +351,7 @@ WAYS: dict[str, Callable[[], contextlib.AbstractContextManager]] = {
         absent_left_in,
         absent_costs,
         stresses_of_others,
+        stresses_inverted,
     )
 }
 

@@ -43,6 +43,7 @@ CHAPTERS = {
     7: "Population balance",
     8: "Accuracy, hard cases and cost",
     9: "Peers",
+    10: "Measurements",
 }
 
 
@@ -201,6 +202,10 @@ class Case:
     seed: int = 0
     inputs: Callable[[Context], tuple[Path, ...]] = lambda context: ()
     """Files that the numbers rest on beside the sources that the case imports; they need not exist."""
+    saved: Callable[[Context], tuple[Path, ...]] = lambda context: ()
+    """Those among them that were computed before, by a command that takes long: what is judged is read, not measured."""
+    anew: str = ""
+    """What of them is computed again each time, or in the full mode, and compared."""
     expected: Verdict = Verdict.agrees
     """The verdict as it was last understood; another one ends the command with exit code 1."""
     because: str = ""

@@ -12,6 +12,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import netCDF4
+
 from validation.case import Case, Context, names
 
 PACKAGES = ("mcdem", "pbekit", "validation")
@@ -113,13 +115,29 @@ def key(case: Case, context: Context, label: str, argument: Any, broken: str | N
     return hashlib.sha256(json.dumps(rests_on, sort_keys=True).encode()).hexdigest()[:16]
 
 
+def of_saved(path: Path) -> str:
+    """A file of saved numbers by name, with the commit that brought it as it is, or what it says of its own origin."""
+    found = _git("log", "-1", "--format=%h of %cs", "--", str(path))
+    if found:
+        return f"{path.name} (commit {found})"
+    if path.suffix == ".nc" and path.is_file():
+        with netCDF4.Dataset(path) as file:
+            return f"{path.name} ({getattr(file, 'software', 'origin not stored')})"
+    return path.name
+
+
+def _git(*words: str) -> str:
+    """What git says of this repository; empty where there is none."""
+    try:
+        asked = ["git", "-C", str(ROOT), *words]
+        return subprocess.run(asked, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return ""
+
+
 def of_this_version() -> str:
     """Version of the toolkit, with the commit where it is known."""
-    try:
-        git = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--abbrev=9", "--exclude=*"]
-        commit = subprocess.run(git, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
-    except (OSError, subprocess.SubprocessError):
-        commit = ""
+    commit = _git("describe", "--always", "--dirty", "--abbrev=9", "--exclude=*")
     return f"pbekit {version('pbekit')}" + (f", commit {commit}" if commit else "")
 
 

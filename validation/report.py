@@ -132,7 +132,8 @@ def markdown(outcomes: list[Outcome]) -> str:
         lines += ["| case | claim | source | measured | verdict |", "|---|---|---|---|---|"]
         for o in here:
             why = explanation(o)
-            cells = [f"`{o.case.name}`", o.case.claim, o.case.source, measured(o), f"**{o.verdict.value}**"]
+            source = o.case.source + (f". Judges saved data: {o.saved}" if o.saved else "")
+            cells = [f"`{o.case.name}`", o.case.claim, source, measured(o), f"**{o.verdict.value}**"]
             cells[-1] += f": {why}" if why else ""
             lines.append(
                 "| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |"

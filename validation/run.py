@@ -79,6 +79,15 @@ class Outcome:
         return [path for path in given_paths(self.context.given) if path in asked]
 
     @property
+    def saved(self) -> str:
+        """Saved numbers that are judged, and what of them was measured again; empty where all was measured."""
+        paths = [path for path in self.case.saved(self.context) if path not in self.read]
+        if not paths:
+            return ""
+        told = "; ".join(origin.of_saved(path) for path in paths)
+        return f"{told}; computed again: {self.case.anew or 'nothing'}"
+
+    @property
     def command(self) -> str:
         mode = " --quick" if self.context.quick else ""
         runs = "".join(f" --run {path}" for path in self.read if path in self.context.given.runs)

@@ -95,6 +95,7 @@ class EncounterResult:
     steps, solves : accepted steps, and evaluations of the hydrodynamics;  cpu_time : [s]
     reason : why it is unresolved, else empty; the products are then the parents as they were
     state : positions (N, 3) [m] at which an unresolved encounter stopped, else None
+    machine : on what kind of machine it was followed (`mcdem.netcdf.origin`), where a run or a table asked for it
     """
 
     outcome: str
@@ -114,6 +115,7 @@ class EncounterResult:
     cpu_time: float
     reason: str = ""
     state: NDArray[np.float64] | None = None
+    machine: str = ""
 
 
 @lru_cache(maxsize=32)

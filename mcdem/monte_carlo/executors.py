@@ -17,7 +17,7 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -25,6 +25,7 @@ import threadpoolctl
 
 from mcdem.arguments import ExecutorKind
 from mcdem.errors import UserError
+from mcdem.netcdf.origin import machine
 from mcdem.quantities.random_streams import stream
 from pbekit import endings
 
@@ -325,7 +326,8 @@ def _compute(
     epoch: int,
     number: int,
 ) -> EncounterResult:
-    return encounter(scene, first, second, seed=stream(seed, "encounter", epoch, number))
+    result = encounter(scene, first, second, seed=stream(seed, "encounter", epoch, number))
+    return replace(result, machine=machine())
 
 
 def _compute_packed(

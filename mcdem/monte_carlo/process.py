@@ -10,8 +10,8 @@ The method, in `Process`, led by `mcdem.monte_carlo.run_control`:
 5. back to 2, until the wanted time or number of encounters.
 
 Everything drawn at random is a function of the seed and of its place in the process (`random_streams`), so a run
-repeats bit for bit, however its encounters are computed: here, ahead of time on other processors (`speculative_execution`,
-`executors`), or after a restart (`record`).
+repeats bit for bit on machines of one kind (`mcdem.netcdf.origin`), however its encounters are computed: here, ahead of time
+on other processors (`speculative_execution`, `executors`), or after a restart (`record`).
 """
 
 from __future__ import annotations

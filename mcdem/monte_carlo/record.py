@@ -9,7 +9,8 @@ Layout (every variable carries `units` and `long_name`; ragged rows are CF conti
     /kept        geometry of the parents of chosen encounters, by default those left unresolved, with the reason
     /checkpoint  what else it takes to continue bit for bit: places, serial numbers, state of the event selection
 
-The attribute `history` has a line for each call of `run` that computed a part: from which event on, with what versions.
+The attribute `history` has a line for each call of `run` that computed a part: from which event on, with what versions; the
+attribute `machines` a line for each kind of machine that computed encounters (`mcdem.netcdf.origin`).
 
 The file is always whole: it is made in memory, written beside its place, and moved there in one step.  It ends in a
 checksum of all its bytes (`pbekit.files`).  The geometry of the last snapshot is the state from which a run is resumed.
@@ -40,6 +41,7 @@ from mcdem.errors import DataFileError
 from mcdem.monte_carlo.event_selection import Meeting
 from mcdem.monte_carlo.population import Product, SamplePopulation
 from mcdem.netcdf.compact_events import compacted, expanded, replaced
+from mcdem.netcdf.origin import Machines
 from mcdem.netcdf.whole_files import FILES, RUN, SEALED
 
 if TYPE_CHECKING:
@@ -62,6 +64,7 @@ ORIGIN_OF_THE_WRITING = (
     "date_modified",
     "software",
     "history",
+    "machines",
     "discarded",
     "computed_in_vain",
     "checksum",
@@ -346,6 +349,7 @@ class Record:
     snapshots: Snapshots = field(init=False)
     kept: Columns = field(default_factory=lambda: Columns(KEPT))
     kept_parents: Geometries = field(init=False)
+    machines: Machines = field(default_factory=Machines)
 
     def __post_init__(self) -> None:
         self.history = [_stretch(0, 0.0)]
@@ -454,6 +458,7 @@ class Record:
                 "primary_radius": self.scene.suspension.radius,
                 "software": software(),
                 "history": "\n".join(self.history),
+                "machines": str(self.machines),
                 "command": _command(),
                 "date_modified": datetime.now(UTC).isoformat(timespec="seconds"),
                 "discarded": discarded,
@@ -492,6 +497,7 @@ class Record:
             state = {name: v[...] for name, v in file["checkpoint"].variables.items()}
             time, volume, serials, aggregates = record.snapshots.last()
             record.history = [*stretches(file), _stretch(record.events.rows, time)]
+            record.machines = Machines.read(getattr(file, "machines", None), record.events.rows)
             record.snapshots.drop_last()
             population = SamplePopulation.restored(
                 scene.suspension.radius,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import time as clock
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
@@ -19,7 +20,7 @@ import threadpoolctl
 
 from mcdem.arguments import scene_at_door, stop_at_door
 from mcdem.encounter.simulate import simulate_encounter
-from mcdem.errors import DataFileError, UserError
+from mcdem.errors import DataFileError, MachineWarning, UserError
 from mcdem.monte_carlo import executors
 from mcdem.monte_carlo.executors import Encounter, ExecutorError
 from mcdem.monte_carlo.process import Process
@@ -123,6 +124,8 @@ def run(
     checkpoint_every : longest time between two writings [s]; but writing takes at most 2 % of the time
 
     Ctrl-C, SIGTERM and SIGHUP end the run in order; the dataset then holds everything until the last encounter.
+    The dataset is the same, bit for bit, for any number of workers of one kind of machine (`mcdem.netcdf.origin`); where kinds
+    are mixed, in one call or by `resume`, it warns (`MachineWarning`).
     Raises `UserError` for what the user can mend; `ExecutorError`, the dataset written, for whatever befell the executor.
     """
     scene_at_door(scene)
@@ -182,6 +185,8 @@ def run(
                             "--resume, maybe on fewer workers"
                         ) from problem
                     raise
+                if told := process.record.machines.computed(result.machine):
+                    warnings.warn(f"{path}: {told}", MachineWarning, stacklevel=2)
                 speculation.happened(process.encounter(ahead.meeting(0), result))
                 writing.if_due()
                 if progress is not None and pace.report_due():

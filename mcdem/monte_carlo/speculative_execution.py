@@ -4,7 +4,8 @@ An encounter is a function of its two aggregates and its own random stream.  The
 if nothing changes.  One whose two aggregates are known is computed ahead: they are known if no encounter before it
 involves them, or if those that do are computed already and left them whole, reshaped perhaps.  When its turn comes, its
 result is used only if both aggregates are the very ones it was computed with; otherwise it is discarded and the encounter
-computed again.  So the process is the same whatever the number of workers, the order or the place of the computation.
+computed again.  So the process is the same whatever the number of workers or the order of the computation, and wherever on
+machines of one kind (`mcdem.netcdf.origin`) it takes place.
 """
 
 from __future__ import annotations

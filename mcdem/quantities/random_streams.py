@@ -1,8 +1,9 @@
 """Random numbers by name: every draw of a run is a function of the seed, its purpose and its place in the process.
 
 The streams are counter-based (Philox 4x64-10: Salmon, Moraes, Dror & Shaw, SC'11, 2011), so that any of them can be
-opened at any place without drawing what comes before.  That is what lets an encounter be computed early, late, twice
-or on another machine, and still be the same encounter.
+opened at any place without drawing what comes before.  So an encounter that is computed early, late, twice or elsewhere starts
+from the same numbers, and is the same encounter bit for bit on machines of one kind (`mcdem.netcdf.origin`); where round-off
+differs, the motion, which is chaotic, takes another course.
 """
 
 from __future__ import annotations

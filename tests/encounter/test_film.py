@@ -14,10 +14,12 @@ from small_runs import SCENES
 from trimer import A, turning_trimer
 from typer.testing import CliRunner
 
+from mcdem.aggregates.aggregate import Aggregate
 from mcdem.aggregates.morphology import morphology
 from mcdem.aggregates.shapes import aggregate_of
 from mcdem.commands.main import app
 from mcdem.encounter import trajectory
+from mcdem.encounter.simulate import simulate_encounter
 from mcdem.errors import UserError
 from mcdem.figures.film import film, frames, half_widths, interesting, tension_scale
 from mcdem.scene import load_scene
@@ -114,19 +116,56 @@ def test_command_films_a_real_encounter(tmp_path):
     assert refused.exit_code == 2 and "--overwrite" in refused.output
 
 
+README = (SCENES.parent / "README.md").read_text()
+
+
+def filmed():
+    """What README's film is of: options of its command, scene and rods."""
+    (line,) = re.findall(r"<!-- film -->\n```bash\nmcdem (.*)\n```", README)
+    command = typer.main.get_command(app).commands["encounter"]
+    given = command.make_context("encounter", shlex.split(line)[1:]).params
+    scene = load_scene(SCENES.parent / given["scene"])
+    rods = [aggregate_of(scene, one, str(SCENES.parent / given[one])) for one in ("first", "second")]
+    return given, scene, rods
+
+
+@pytest.mark.parametrize(("displaced", "times"), [(1e-4, 1), pytest.param(1e-4, 12, marks=pytest.mark.slow)])
+def test_the_films_outcome_is_not_left_to_round_off(displaced, times):
+    """It is as README says, wherever the primaries are within a ten-thousandth of a radius."""
+    given, scene, rods = filmed()
+    radius, rng = scene.suspension.radius, np.random.default_rng(times)
+    (said,) = re.findall(r"Two rods of (\d+) and (\d+) primaries .* breaks into (\d+) and (\d+)\.", README)
+    whole, broken, large, small = map(int, said)
+    assert [rod.size for rod in rods] == [whole, broken]
+    offset = [float(text.removesuffix(" nm")) * 1e-9 for text in given["offset"]]
+    for _ in range(times):
+        shaken = [
+            Aggregate.from_positions(
+                scene, rod.positions + displaced * radius * rng.standard_normal((rod.size, 3))
+            )
+            for rod in rods
+        ]
+        result = simulate_encounter(
+            scene,
+            *shaken,
+            offset=tuple(offset + displaced * radius * rng.standard_normal(2)),
+            seed=given["seed"],
+        )
+        assert result.outcome == "fragmentation" and result.contact
+        assert sorted(product.size for product in result.products) == sorted([whole, large, small])
+
+
 def test_the_films_rods_are_rigid_and_its_command_holds():
     """README's film: the command's options are known, its clusters free contacts of 3P - 6 bonds."""
-    readme = (SCENES.parent / "README.md").read_text()
-    (line,) = re.findall(r"<!-- film -->\n```bash\nmcdem (.*)\n```", readme)
-    words = shlex.split(line)
-    command = typer.main.get_command(app).commands["encounter"]
-    given = command.make_context("encounter", words[1:]).params
-    scene = load_scene(SCENES.parent / given["scene"])
-    for option in ("first", "second"):
-        rod = aggregate_of(scene, str(SCENES.parent / given[option]), option)
+    given, scene, rods = filmed()
+    for rod in rods:
         assert len(rod.bonds) == 3 * rod.size - 6
         assert morphology(rod.positions, rod.bonds, scene.suspension.radius)["floppy_modes"] == 0
-    assert (SCENES.parent / given["film"]).stat().st_size < 2_500_000
+    shown = SCENES.parent / "docs" / given["film"]
+    assert f'src="docs/{given["film"]}"' in README
+    assert shown.stat().st_size < 2_500_000
+    # A clone is as it was after the command.
+    assert f"/{given['film']}" in (SCENES.parent / ".gitignore").read_text().splitlines()
 
 
 def test_what_a_film_needs_is_asked_for_before_anything_is_computed(tmp_path, monkeypatch):

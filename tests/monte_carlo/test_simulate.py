@@ -6,6 +6,7 @@ import contextlib
 import errno
 import importlib.util
 import os
+import platform
 import random
 import shutil
 import signal
@@ -23,11 +24,13 @@ import xarray as xr
 from child_signals import as_in_a_terminal
 
 from mcdem.analysis.dataset import RunDataset
-from mcdem.errors import UserError
-from mcdem.monte_carlo import run_control
+from mcdem.errors import MachineWarning, UserError
+from mcdem.monte_carlo import executors, run_control
 from mcdem.monte_carlo.comparison import differences
+from mcdem.monte_carlo.compress import compress
 from mcdem.monte_carlo.process import Process
 from mcdem.monte_carlo.speculative_execution import BEGUN, PASSED, UNTOUCHED, SpeculativeExecution, ready
+from mcdem.netcdf.origin import NOT_KNOWN, Machines, differing, machine
 from mcdem.quantities.random_streams import stream
 from mcdem.scene import load_scene
 
@@ -73,8 +76,6 @@ def test_any_executor_will_do(reference, tmp_path):
 @pytest.mark.filterwarnings("ignore")  # of dask's own machinery, on its way up and down
 def test_a_dask_cluster_gives_the_same_dataset(reference, tmp_path):
     from distributed import LocalCluster
-
-    from mcdem.monte_carlo import executors
 
     with (
         LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
@@ -140,6 +141,76 @@ def test_the_batch_script_gives_the_dataset_of_one_process(tmp_path):
     assert "60 events" in said.stdout and "ended by events" in said.stdout
     run_control.run(load_scene(scene), one, events=60)
     assert differences(one, three) == []
+
+
+# Kinds of machine
+
+
+class Elsewhere(Executor):
+    """Computes every third encounter as a machine of another kind would."""
+
+    def __init__(self, monkeypatch, kind: str) -> None:
+        self._patch, self._kind, self._submitted = monkeypatch, kind, 0
+
+    def submit(self, function, /, *arguments):
+        self._submitted += 1
+        future = Future()
+        with self._patch.context() as patch:
+            if self._submitted % 3 == 0:
+                patch.setattr(executors, "machine", lambda: self._kind)
+            future.set_result(function(*arguments))
+        return future
+
+
+OTHER = "x86_64 another, openblas 0.3.30 Other"
+
+
+def kinds(path: Path) -> dict[str, int]:
+    return Machines.read(xr.open_dataset(path).attrs["machines"], 0).counts
+
+
+def test_a_dataset_counts_the_machines_of_its_encounters(reference, tmp_path, monkeypatch):
+    assert kinds(reference) == {machine(): EVENTS}
+    path = tmp_path / "run.nc"
+    with pytest.warns(
+        MachineWarning, match=r"run\.nc: .*computed with x86_64 .* now computed with .*another"
+    ):
+        run(path, executor=Elsewhere(monkeypatch, OTHER), workers=2)
+    counted = kinds(path)
+    assert set(counted) == {machine(), OTHER} and sum(counted.values()) == EVENTS
+    assert counted[OTHER] == pytest.approx(EVENTS / 3, abs=0.2 * EVENTS)
+    assert differences(reference, path) == []  # synthetic encounters have no round-off
+
+
+def test_a_run_that_goes_on_elsewhere_says_so_once(tmp_path, monkeypatch):
+    path, small = tmp_path / "run.nc", tmp_path / "small.nc"
+    run(path, events=20)
+    compress(path, small)
+    for file in (path, small):
+        with monkeypatch.context() as patch:
+            patch.setattr(executors, "machine", lambda: OTHER)
+            with pytest.warns(MachineWarning, match="now computed with x86_64 another") as told:
+                run(file, events=30, resume=True)
+            assert len(told) == 1
+            run(file, events=40, resume=True)  # warnings are errors here: known by now
+        assert kinds(file) == {machine(): 20, OTHER: 20}
+        assert run(file, events=50, resume=True).events == 50
+
+
+def test_a_kind_of_machine_names_what_rounds():
+    told = machine()
+    for part in ("openblas", "numba", "llvmlite", "numpy", "scipy", platform.machine()):
+        assert part in told, told
+    assert differing(told, told) == ("", "")
+    assert differing("x86_64 a, blas 1, numba 2", "x86_64 b, blas 1, numba 3") == (
+        "x86_64 a, numba 2",
+        "x86_64 b, numba 3",
+    )
+    assert Machines.read(None, 12).counts == {NOT_KNOWN: 12}
+    assert Machines.read(None, 12).computed(told) == ""  # nothing is known, nothing is said
+
+
+# Work done in vain
 
 
 def test_discarded_encounters_are_counted(tmp_path):

@@ -243,7 +243,7 @@ def test_the_command_ends_with_1_when_a_verdict_is_not_the_one_known(tmp_path):
 
 def test_mistakes_are_answered_in_a_line():
     assert chosen(["1"]) == [case.name for case in cases_of.load_all() if case.chapter == 1]
-    with pytest.raises(UserError, match='case "no": not known; expected a chapter, 1 to 9, or one of'):
+    with pytest.raises(UserError, match='case "no": not known; expected a chapter, 1 to 10, or one of'):
         chosen(["no"])
     done = command("--break", "no", "1")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
@@ -384,6 +384,28 @@ def test_the_peers_numbers_are_of_the_spheres_that_are_compared():
         flow = x[:, [1]] * [0.0, 0.0, 1.0]
         # The disturbance changes sign with the strain, whatever the spheres; the ambient flow does not.
         np.testing.assert_allclose(np.array(shipped) - flow, flow - np.array(turned), atol=1e-6)
+
+
+def committed(case):
+    """Numbers of before that a case reads; what was read off a publication is its source, not its measurement."""
+    folders = ("validation/data", "notebooks/data")
+    published = {"durlofsky_1987_fig5.csv", "measured.csv", "pecnut.json"}
+    paths = {path for quick in (True, False) for path in case.inputs(case.context(quick))}
+    return {p for p in paths if str(p.relative_to(ROOT).parent) in folders and p.name not in published}
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_case_that_judges_saved_data_says_so_and_measures_some_of_it_again(name):
+    case = cases_of.load(name)
+    saved = {path for quick in (True, False) for path in case.saved(case.context(quick))}
+    assert committed(case) <= saved
+    assert bool(saved) == bool(case.anew)
+    outcome = Outcome(case, case.context(True), Findings(()))
+    for path in case.saved(case.context(True)):
+        assert f"{path.name} (commit " in outcome.saved
+    assert ("computed again: " in outcome.saved) == bool(case.saved(case.context(True)))
+    for page in (report.html([outcome], "Validation"), report.markdown([outcome])):
+        assert ("aved data" in page) == bool(outcome.saved)
 
 
 # Shapes and statics that cases of breakup rest on

@@ -103,5 +103,7 @@ CASE = Case(
     measure=measure,
     judge=judge,
     inputs=lambda context: (datasets.ABSENT_EFFECTS, BENCHMARK),
+    saved=lambda context: (datasets.ABSENT_EFFECTS,),
+    anew="strength zero against absence of van der Waals attraction; in the full mode, the time of a step without it too",
     seen=("absent_left_in", "absent_costs"),
 )

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from mcdem.figures.style import BLACK, BLUE, GREY, VERMILION, canvas, legend
-from validation import datasets
-from validation.case import Case, Context, Findings, above, below, shown
+from pathlib import Path
 
+from mcdem.analysis.accuracy_cost import GIVEN, REFERENCE, efficiency, settings_of
+from mcdem.figures.style import BLACK, BLUE, GREY, VERMILION, canvas, legend
+from mcdem.scene import load_scene
+from validation import datasets
+from validation.case import Case, Context, Findings, above, below, near, shown
+
+PAPER = Path(__file__).parents[2] / "scenes" / "paper-1000Pa.toml"
 SAVED = datasets.SAVED / "cost-1000Pa.csv"
 """Made by the command in validation/data/README.md."""
 SAMPLED = ("outcome", "fragment", "geometry")
@@ -13,8 +18,20 @@ FLOOR = 1e-5
 """Errors below are drawn here."""
 
 
+AGAIN = (GIVEN, "max_step = 0.05", "max_step = 0.4")
+"""Settings whose error of eta_11 is computed again in the full mode."""
+RAYS = 4
+"""Directions from which `mcdem cost` has eta_11."""
+
+
 def measure(context: Context):
-    return datasets.prices(SAVED)
+    again = {}
+    if not context.quick:
+        scene = load_scene(PAPER)
+        known = {setting.name: setting for setting in settings_of(scene)}
+        eta = {name: efficiency(known[name].of(scene), RAYS) for name in (REFERENCE, *AGAIN)}
+        again = {name: abs(eta[name] / eta[REFERENCE] - 1.0) for name in AGAIN}
+    return {"saved": datasets.prices(SAVED), "again": again}
 
 
 def surely(row, quantity: str) -> float:
@@ -22,7 +39,8 @@ def surely(row, quantity: str) -> float:
     return max(row[f"error_{quantity}"] - 2.0 * row[f"standard_error_{quantity}"], 0.0)
 
 
-def judge(context: Context, rows):
+def judge(context: Context, numbers):
+    rows = numbers["saved"]
     named = {row["setting"]: row for row in rows}
     reference, given = named["reference"], named["as given"]
     steps = sorted(
@@ -38,6 +56,12 @@ def judge(context: Context, rows):
         above("coarsest step: error of eta_11 over that of the finest", coarsest / finest, 1.5),
         below("finest step: relative error of eta_11", finest, 0.005),
     ]  # fmt: skip
+    checks += [
+        near(
+            f"{name}, computed again: relative error of eta_11", error, named[name]["error_eta_11"], abs=5e-4
+        )
+        for name, error in numbers["again"].items()
+    ]
     for row in rows:
         words = ", ".join(
             f"{name} {row[f'error_{name}']:.2g} ± {row[f'standard_error_{name}']:.1g}" for name in SAMPLED
@@ -96,5 +120,7 @@ CASE = Case(
     measure=measure,
     judge=judge,
     inputs=lambda context: (SAVED,),
+    saved=lambda context: (SAVED,),
+    anew="nothing; in the full mode eta_11 as given, with the coarsest and with the finest step, against the reference",
     seen=("coarse_default",),
 )

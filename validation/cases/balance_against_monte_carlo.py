@@ -109,5 +109,7 @@ CASE = Case(
     measure=measure,
     judge=judge,
     inputs=lambda context: (datasets.DESIGNED, datasets.SERIES),
+    saved=lambda context: (datasets.DESIGNED, datasets.SERIES),
+    anew=datasets.RUNS_AGAIN,
     seen=("clock_slow",),
 )

@@ -134,5 +134,7 @@ CASE = Case(
     judge=judge,
     parts=parts,
     inputs=datasets.runs,
+    saved=datasets.runs,
+    anew=datasets.RUNS_AGAIN,
     seen=("smallest_for_largest",),
 )

@@ -149,6 +149,8 @@ CASE = Case(
     measure=measure,
     judge=judge,
     inputs=lambda context: datasets.checkout(context) or (KEPT,),
+    saved=lambda context: () if datasets.checkout(context) else (KEPT,),
+    anew="our velocities; with --pecnut CHECKOUT, the peer's",
     seen=("strain_sign", "no_lubrication"),
 )
 

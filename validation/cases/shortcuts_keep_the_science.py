@@ -131,5 +131,7 @@ CASE = Case(
     measure=measure,
     judge=judge,
     inputs=stored,
+    saved=stored,
+    anew="three encounters of every outcome but a miss at each stress, the quickest",
     seen=("weak_contacts", "strain_sign"),
 )

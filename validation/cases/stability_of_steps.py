@@ -109,5 +109,7 @@ CASE = Case(
     measure=measure,
     judge=judge,
     inputs=lambda context: (stability_map.KEPT,),
+    saved=lambda context: (stability_map.KEPT,),
+    anew="four points of it; in the full mode all, which are judged then",
     seen=("delta_moved",),
 )
