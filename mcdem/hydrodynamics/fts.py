@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
+from numba import njit, types
 
 from mcdem.hydrodynamics.grand_mobility import grand_mobility
 from mcdem.hydrodynamics.level import Level, no_two_body
@@ -23,6 +23,7 @@ from mcdem.hydrodynamics.linear_algebra import (
     solve_lower,
 )
 from mcdem.hydrodynamics.resistance import NOT_POSITIVE_DEFINITE
+from mcdem.separate_compilation import separately_compiled
 
 
 class ForceTorqueStresslet(NamedTuple):
@@ -31,7 +32,7 @@ class ForceTorqueStresslet(NamedTuple):
     lubrication: None = None
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def far_field_resistance(work, radii):
     """Far-field resistance Mhat^-1 into `work.resistance`, keeping the factor in `work.mobility`; 0 or an error code."""
     n = radii.shape[0]
@@ -44,7 +45,7 @@ def far_field_resistance(work, radii):
     return inverse_from_cholesky(work.resistance)
 
 
-@njit(cache=True)
+@separately_compiled()
 def far_field_strain_load(work, strain_five):
     """What a uniform strain (5,) exerts in the far field into `work.strain_load`, after `far_field_resistance`."""
     n = work.strain_load.shape[0] // 6
@@ -68,7 +69,7 @@ def strain_load(level, work, strain_five):
     far_field_strain_load(work, strain_five)
 
 
-@njit(cache=True)
+@separately_compiled()
 def stresslets(level, work, radii, rates, strain_five, out):
     """Stresslets exerted on the fluid into out (N, 5), from rates (6N,) of spheres in a strain (5,).
 

@@ -20,6 +20,8 @@ import math
 import numpy as np
 from numba import njit
 
+from mcdem.separate_compilation import separately_compiled
+
 _SQRT2 = math.sqrt(2.0)
 _SQRT6 = math.sqrt(6.0)
 
@@ -108,7 +110,7 @@ def _place_force_torque(matrix, torque, force, i, j, d, u, squares):
     _place_cross(matrix, force + 3 * j, torque + 3 * i, -yb, d)
 
 
-@njit(cache=True)
+@separately_compiled()
 def force_torque_mobility(directions, distances, radii, matrix):
     """Fill the lower triangle of the mobility (6N, 6N) of forces and torques alone, ordered (T | F); else as `grand_mobility`.
 
@@ -131,7 +133,7 @@ def force_torque_mobility(directions, distances, radii, matrix):
             _place_force_torque(matrix, 0, force, i, j, directions[i, j], u, a * a + b * b)
 
 
-@njit(cache=True)
+@separately_compiled()
 def grand_mobility(directions, distances, radii, matrix):
     """Fill the lower triangle of the grand mobility (11N, 11N).
 

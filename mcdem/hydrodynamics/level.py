@@ -86,7 +86,7 @@ def _resistance(level, work, radii):
     raise NotImplementedError("compiled code only")
 
 
-@overload(_resistance)
+@overload(_resistance, inline="always")
 def _(level, work, radii):
     own = level_of(level).resistance
     return lambda level, work, radii: own(level, work, radii)
@@ -102,7 +102,7 @@ def _strain_load(level, work, strain_five):
     raise NotImplementedError("compiled code only")
 
 
-@overload(_strain_load)
+@overload(_strain_load, inline="always")
 def _(level, work, strain_five):
     own = level_of(level).strain_load
     return lambda level, work, strain_five: own(level, work, strain_five)
@@ -118,7 +118,7 @@ def _two_body(level, work, radii, strain):
     raise NotImplementedError("compiled code only")
 
 
-@overload(_two_body)
+@overload(_two_body, inline="always")
 def _(level, work, radii, strain):
     own = level_of(level).two_body
     return lambda level, work, radii, strain: own(level, work, radii, strain)
@@ -134,7 +134,7 @@ def _two_body_of_strains(level, work, radii, strains, strain_loads):
     raise NotImplementedError("compiled code only")
 
 
-@overload(_two_body_of_strains)
+@overload(_two_body_of_strains, inline="always")
 def _(level, work, radii, strains, strain_loads):
     own = level_of(level).two_body_of_strains or no_two_body_of_strains
     return lambda level, work, radii, strains, strain_loads: own(level, work, radii, strains, strain_loads)
@@ -150,7 +150,7 @@ def _stresslets(level, work, radii, rates, strain_five, out):
     raise NotImplementedError("compiled code only")
 
 
-@overload(_stresslets)
+@overload(_stresslets, inline="always")
 def _(level, work, radii, rates, strain_five, out):
     own = level_of(level).stresslets
     return lambda level, work, radii, rates, strain_five, out: own(

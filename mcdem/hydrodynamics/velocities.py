@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 
 from mcdem.hydrodynamics import level as levels
 from mcdem.hydrodynamics.linear_algebra import cholesky, solve_cholesky
 from mcdem.hydrodynamics.resistance import NOT_POSITIVE_DEFINITE, measure
 from mcdem.hydrodynamics.undisturbed_flow import flow_component, spin_component
+from mcdem.separate_compilation import separately_compiled
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def solve_rates(level, work, positions, radii, flow, forces, torques):
     """Rates of free spheres relative to the flow, (omega | u) into `work.strain_load` (6N,); arguments as `solve_velocities`.
 

@@ -9,12 +9,13 @@ at a step of 0.1/g.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 
 from mcdem.integrators.rotations import rotation
+from mcdem.separate_compilation import separately_compiled
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def label_bodies(bonded, labels):
     """Number the connected components of the contact network (N, N) into labels (N,); returns their count."""
     n = labels.shape[0]
@@ -129,7 +130,7 @@ def share_beyond(history, interval):
     return (history.steps[0] + interval) / (history.steps[0] + history.steps[1])
 
 
-@njit(cache=True)
+@separately_compiled()
 def extrapolate(positions, history, labels, bodies, interval, out):
     """Positions (N, 3) after `interval`, every body turning as a whole.
 

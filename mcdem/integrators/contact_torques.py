@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 
 from mcdem.effects.kinds import Response, Turned
 from mcdem.effects.sums import contact_force, contact_resistance, fixed_in_spheres
@@ -25,6 +25,7 @@ from mcdem.hydrodynamics.linear_algebra import cholesky, multiply_symmetric, sol
 from mcdem.hydrodynamics.undisturbed_flow import spin_component, velocities_of_flow
 from mcdem.integrators.newton import MOST_ITERATIONS, contact_tangent, starts_anew
 from mcdem.integrators.state import NOT_CONVERGED, harmonic_radius
+from mcdem.separate_compilation import separately_compiled
 
 # Largest move of a sphere, or turn, by which an iteration is settled: springs slip from 1e-4 a on.
 SETTLED = 1e-8
@@ -91,7 +92,7 @@ def torque_work(n: int) -> TorqueWork:
     )
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def fill_driving(flow, work, torques):
     """R z_inf + strain_load + forces into torques.driving; returns 0."""
     hydro = work.hydrodynamics
@@ -119,7 +120,7 @@ def spins(gradient, step, torques, out):
             out[3 * i + k] = torques.turns[i, k] / step - spin_component(gradient, k)
 
 
-@njit(cache=True)
+@separately_compiled(types.float64)
 def resist(motion, work, i, j, normal_force, linear, resistances):
     """Springs, loads and stiffness of the contact of i and j < i after the motion to work.end; returns |r| in the middle.
 
@@ -166,7 +167,7 @@ def place_of(local, i, j, n):
     return 3 * sphere + k if part == 1 else 3 * (n + sphere) + k
 
 
-@njit(cache=True)
+@separately_compiled()
 def add_resistance_stiffness(matrix, tangent, map_, i, j, n):
     """matrix (6N, 6N) += B^T tangent B of one pair, lower triangle."""
     for p in range(12):
@@ -210,7 +211,7 @@ def add_loads(residual, normal, distance, i, j, n, pair):
         residual[m + 3 * j + k] -= pair.force[k]
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def solve(motion, contacts, gaps, step, physics, work):
     """Newton for the positions at the end of the step and the turns, from the guess in work.end; 0 or NOT_CONVERGED."""
     torques, positions = work.torques, motion.positions
@@ -264,7 +265,7 @@ def solve(motion, contacts, gaps, step, physics, work):
     return NOT_CONVERGED
 
 
-@njit(cache=True)
+@separately_compiled()
 def keep_springs(motion, contacts, physics, work):
     """Histories of the contacts at the end of the step that leads from the positions of `motion` to work.end."""
     pair, radii = work.torques.pair, motion.radii

@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 
 from mcdem.effects.sums import contact_force, contact_pull_off_gap
 from mcdem.hydrodynamics.resistance import Work, measure, workspace
@@ -38,6 +38,7 @@ from mcdem.integrators.state import (
 )
 from mcdem.quantities.toml_tables import Table
 from mcdem.quantities.units import DIMENSIONLESS, TIME
+from mcdem.separate_compilation import separately_compiled
 
 
 class Keys(Table):
@@ -103,10 +104,10 @@ def eq20_step(motion, velocities, gaps, options):
     return step
 
 
-@njit(cache=True, inline="always")
+@separately_compiled(types.int64)
 def advance(group, flow, physics, options, log, end_time):
     """One explicit step.  Returns DONE or an error code."""
-    motion, _, gaps, work = group
+    motion, gaps, work = group.motion, group.gaps, group.work
     n, radii, hydro = motion.radii.shape[0], motion.radii, work.hydrodynamics
     measure(motion.positions, hydro.directions, hydro.distances)
     work.forces[:] = 0.0

@@ -24,7 +24,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 
 from mcdem.effects.sums import contact_force
 from mcdem.hydrodynamics import frozen_far_field
@@ -57,6 +57,7 @@ from mcdem.integrators.state import (
 from mcdem.integrators.step_control import first_try, middle_geometry, too_far
 from mcdem.quantities.toml_tables import Table
 from mcdem.quantities.units import DIMENSIONLESS
+from mcdem.separate_compilation import separately_compiled
 
 # Below it a step has failed.  Strong attraction in a weak flow closes the last of a gap, down to where a stiff contact bears
 # it, within 1e-15/g: that is nothing in time, but not for the primaries.
@@ -179,7 +180,7 @@ def drive_spheres(flow, work, torques):
     return drive_torque_free(flow, work)
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def drive_torque_free(flow, work):
     """Reduce the resistance to A of torque-free spheres; the loads on them into work.driving; 0 or an error code."""
     hydro = work.hydrodynamics
@@ -197,7 +198,7 @@ def drive_torque_free(flow, work):
     return 0
 
 
-@njit(cache=True)
+@separately_compiled()
 def learn_moments(motion, flow, step, work, torques):
     """Update the frozen far field by the step that was taken; torques : work arrays or None."""
     if not work.kept.made[0]:
@@ -229,7 +230,7 @@ def keep_springs(motion, contacts, physics, work, springs):
         contact_torques.keep_springs(motion, contacts, physics, work)
 
 
-@njit(cache=True, inline="always")
+@separately_compiled(types.int64)
 def advance(group, flow, physics, options, log, end_time):
     """One accepted step.  Returns DONE or an error code."""
     bodies = label_bodies(group.motion.bonded, group.work.labels)
@@ -240,7 +241,7 @@ def advance(group, flow, physics, options, log, end_time):
 @njit(cache=True, inline="always")
 def attempt(group, flow, physics, options, log, bodies, step):
     """Try steps from `step` downwards until one is accepted."""
-    motion, history, gaps, work = group
+    motion, history, gaps, work = group.motion, group.history, group.gaps, group.work
     radii, n, contact = motion.radii, motion.radii.shape[0], physics.contact
     while True:
         if step < SMALLEST_STEP:

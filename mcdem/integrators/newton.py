@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 
 from mcdem.effects.sums import contact_equilibrium, contact_force, contact_pull_off_gap
 from mcdem.hydrodynamics.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
 from mcdem.integrators.state import NOT_CONVERGED, harmonic_radius
+from mcdem.separate_compilation import separately_compiled
 
 # The method is done when it moves no primary by more than this, in a.
 CONVERGED = 1e-7
@@ -57,7 +58,7 @@ def contact_tangent(motion, end, gaps, i, j, iteration, contact, normal):
     return force, slope, max(-force, 0.0) / (old + new), stiffness
 
 
-@njit(cache=True)
+@separately_compiled()
 def add_stiffness(matrix, step, contacts, work):
     """Jacobian of the contact problem: resistance over the step plus the contacts' stiffness (slopes, turnings)."""
     jacobian = work.jacobian
@@ -78,7 +79,7 @@ def add_stiffness(matrix, step, contacts, work):
                     jacobian[3 * j + k, 3 * j + l] += value
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def solve_contacts(motion, contacts, gaps, step, contact, work):
     """Newton for the positions at the end of the step, from the guess in work.end; 0 or NOT_CONVERGED.
 
@@ -159,7 +160,7 @@ def log_iterations(work):
     work.iterations[0] += 1
 
 
-@njit(cache=True)
+@separately_compiled(types.Tuple((types.int64, types.float64)))
 def worst_overstretch(contacts, radii, contact, work):
     """(index, excess over its pull-off gap) of the contact stretched furthest beyond it; (-1, 0) if none is."""
     worst, excess = -1, 0.0

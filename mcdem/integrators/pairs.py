@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 
 from mcdem.effects.sums import non_contact_force
 from mcdem.integrators.state import harmonic_radius, note_contact_made
+from mcdem.separate_compilation import separately_compiled
 
 # Gap h/a beyond which direct forces between spheres not in contact are left out: there the unretarded
 # attraction is below 1e-7 of its value at contact for the smallest roughness in use.
 FORCE_RANGE = 1.0
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def list_contacts(bonded, pairs):
     """Contacts i > j of (N, N) into pairs (B, 2); returns their count."""
     count = 0
@@ -25,7 +26,7 @@ def list_contacts(bonded, pairs):
     return count
 
 
-@njit(cache=True)
+@separately_compiled()
 def find_gaps(positions, radii, gaps):
     """Surface gaps of all pairs into gaps (N, N)."""
     for i in range(radii.shape[0]):
@@ -57,7 +58,7 @@ def add_pair_force(forces, i, j, direction, value):
         forces[j, k] -= value * direction[k]
 
 
-@njit(cache=True)
+@separately_compiled()
 def add_non_contact_forces(forces, directions, gaps, motion, pair_forces):
     """Add the forces of all pairs not in contact; directions (N, N, 3), gaps (N, N) for i > j."""
     bonded, radii = motion.bonded, motion.radii

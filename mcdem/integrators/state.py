@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from mcdem.separate_compilation import separately_compiled
+
 DONE = 0
 PARTED = -1  # bodies recede from each other for good
 SETTLED = -2  # one body whose contacts have not changed for a while
@@ -146,7 +148,7 @@ def new_history(motion: Motion) -> History:
     return history
 
 
-@njit(cache=True)
+@separately_compiled()
 def remember(history, motion, before, gaps, step):
     """Push the step that led from positions `before` and `gaps` to those of `motion`."""
     history.steps[1] = history.steps[0]

@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 
 from mcdem.effects.sums import (
     contact_equilibrium,
@@ -32,6 +32,7 @@ from mcdem.hydrodynamics.undisturbed_flow import spin_component
 from mcdem.integrators.pairs import FORCE_RANGE
 from mcdem.integrators.rotations import multiply, rotation, turn_back
 from mcdem.integrators.state import harmonic_radius
+from mcdem.separate_compilation import separately_compiled
 
 RIGID = 0
 FLOPPY = 1
@@ -127,7 +128,7 @@ def of_sphere(radius):
     return RigidBody(b.positions, b.spin, b.drift, b.stresslet, 0, b.rest, b.response, b.strength, radius**2)
 
 
-@njit(cache=True)
+@separately_compiled(types.boolean)
 def network_stiffness(positions, directions, pairs, slopes, count, stiffness):
     """Stiffness (3P, 3P) of the contact network with its rigid motions stiffened, factorised; True if it is rigid."""
     n = positions.shape[0]
@@ -279,7 +280,7 @@ def linear_contact(gap, radius, contact):
     return force, max(-slope, 0.02 * stiffness)
 
 
-@njit(cache=True)
+@separately_compiled()
 def loads_of_strains(level, work, radii, unit, strain_loads):
     """What the strains `unit` (5, 5) strain_load, into strain_loads (5, 6N); lubrication goes into the resistance as well."""
     for k in range(5):
@@ -288,7 +289,7 @@ def loads_of_strains(level, work, radii, unit, strain_loads):
     levels.two_body_of_strains(level, work, radii, unit, strain_loads)
 
 
-@njit(cache=True)
+@separately_compiled(types.float64[:, ::1])
 def pull_of_modes(matrix, modes):
     """Forces (6, m) that the fluid makes of each of the rigid motions `modes` (6, m)."""
     pulled = np.zeros(modes.shape)
@@ -297,7 +298,7 @@ def pull_of_modes(matrix, modes):
     return pulled
 
 
-@njit(cache=True)
+@separately_compiled()
 def move_as_body(matrix, positions, rigid, strain_load, strain_five, motion, relative, load):
     """Rigid motion (6,), translation then rotation, of a force-free body in a strain (5,), into `motion`.
 
@@ -306,7 +307,7 @@ def move_as_body(matrix, positions, rigid, strain_load, strain_five, motion, rel
     """
     tensor = np.empty((3, 3))
     five_tensor(strain_five, tensor)
-    modes, pulled, grand = rigid
+    modes, pulled, grand = rigid.modes, rigid.pulled, rigid.grand
     m = relative.shape[0]
     first = m - 3 * positions.shape[0]
     relative[:first] = 0.0
@@ -339,7 +340,7 @@ def keep_motion(body, k, motion):
         body.spin[c, k] = motion[3 + c]
 
 
-@njit(cache=True)
+@separately_compiled()
 def add_stresslet(level, work, radii, positions, rates, load, strain_five, stresslet):
     """Add to `stresslet` (5,) what a body exerts on the fluid in a strain (5,): that of its spheres and of their forces.
 
@@ -366,13 +367,13 @@ def add_stresslet(level, work, radii, positions, rates, load, strain_five, stres
         stresslet[c] += extra[c]
 
 
-@njit(cache=True)
+@separately_compiled(types.boolean)
 def rigid_resistance(rigid, ridge):
     """Fill and factorise the resistance of the rigid motions; True if it can be.
 
     ridge : added to that of rotations, over its sum
     """
-    modes, pulled, grand = rigid
+    modes, pulled, grand = rigid.modes, rigid.pulled, rigid.grand
     for p in range(6):
         for q in range(6):
             grand[p, q] = 0.0
@@ -385,7 +386,7 @@ def rigid_resistance(rigid, ridge):
     return cholesky(grand) == 0
 
 
-@njit(cache=True)
+@separately_compiled()
 def add_tensions(directions, pairs, slopes, displacement, out):
     """out (B,) += tensions of linear contacts under displacements (3P,)."""
     for b in range(pairs.shape[0]):
@@ -394,7 +395,7 @@ def add_tensions(directions, pairs, slopes, displacement, out):
             out[b] += slopes[b] * directions[i, j, k] * (displacement[3 * i + k] - displacement[3 * j + k])
 
 
-@njit(cache=True)
+@separately_compiled(types.float64[:, ::1])
 def rigid_modes(positions):
     """Three translations and three rotations about the centre, (6, 3P)."""
     n = positions.shape[0]
@@ -438,7 +439,7 @@ def turning_rate(body, matrix, gradient, seen, rate):
         rate[k] += spin_component(gradient, k)
 
 
-@njit(cache=True)
+@separately_compiled(types.Tuple((types.float64, types.float64, types.boolean)))
 def turn_rigidly(body, matrix, centre, flow, duration, step, limit):
     """Turn a rigid body in the flow until `duration` has passed or its load exceeds `limit`.
 
