@@ -2,7 +2,7 @@
 
 numba passes a tuple by its parts.  The bundles of an encounter hold some fifty arrays of nine words each, and to write and read
 all these words in each call took more of the time to compile than what the functions do.  A `Bundle` is where they lie in memory.
-It comes to be where `separate_compilation` calls a function, and lives as long as that call: what a bundle holds is never changed
+It comes to be where `compilation` calls a function, and lives as long as that call: what a bundle holds is never changed
 in its time, so that loads from it may be moved and made once.
 """
 

@@ -20,6 +20,7 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.hydrodynamics import level as levels
 from mcdem.hydrodynamics.grand_mobility import five_tensor, tensor_to_five
 from mcdem.hydrodynamics.level import level_of
@@ -30,7 +31,6 @@ from mcdem.hydrodynamics.linear_algebra import (
     solve_lower,
 )
 from mcdem.hydrodynamics.mobility_product import apply_mobility
-from mcdem.separate_compilation import separately_compiled
 
 # Number of primaries from which keeping a far field costs less than a new one.
 PAYS_FROM = 8
@@ -78,7 +78,7 @@ def nothing_frozen(n: int) -> FrozenFarField:
     )
 
 
-@njit(cache=True)
+@compiled
 def nearest_rotation(matrix):
     """Orthogonal polar factor of matrix (3, 3), in place, by scaled Newton iteration (Higham 1986)."""
     inverse = np.empty((3, 3))
@@ -221,7 +221,7 @@ def turned(turn, vector, start, p):
     return turn[p, 0] * vector[start] + turn[p, 1] * vector[start + 1] + turn[p, 2] * vector[start + 2]
 
 
-@njit(cache=True)
+@compiled
 def turned_tensor(turn, source, out, back):
     """out = turn source turn^T, all (3, 3), or turn^T source turn if `back`."""
     for p in range(3):
@@ -354,7 +354,7 @@ def learn(kept, work, angular, linear):
     kept.known[0] = min(kept.known[0] + 1, 2)
 
 
-@njit(cache=True)
+@compiled
 def forget(kept):
     """Contacts have changed: the next far field is made anew, and earlier moments predict nothing."""
     kept.made[0] = False
@@ -421,7 +421,7 @@ def _(level, kept, work, radii, middle, flow, tolerance):
     return new
 
 
-@njit(cache=True)
+@compiled
 def far_field(level, kept, work, radii, middle, flow, tolerance):
     """Resistance and strain_load without lubrication into `work`, frozen (`tolerance` > 0) or computed anew; 0 or an error code.
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit, types
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.hydrodynamics.grand_mobility import grand_mobility
 from mcdem.hydrodynamics.level import Level, no_two_body
 from mcdem.hydrodynamics.linear_algebra import (
@@ -23,7 +24,6 @@ from mcdem.hydrodynamics.linear_algebra import (
     solve_lower,
 )
 from mcdem.hydrodynamics.resistance import NOT_POSITIVE_DEFINITE
-from mcdem.separate_compilation import separately_compiled
 
 
 class ForceTorqueStresslet(NamedTuple):
@@ -57,13 +57,13 @@ def far_field_strain_load(work, strain_five):
     solve_cholesky(work.mobility[5 * n :, 5 * n :], work.strain_load)
 
 
-@njit(cache=True)
+@compiled
 def resistance(level, work, radii):
     """Far-field resistance Mhat^-1 into `work.resistance`, keeping the factor in `work.mobility`; 0 or an error code."""
     return far_field_resistance(work, radii)
 
 
-@njit(cache=True)
+@compiled
 def strain_load(level, work, strain_five):
     """What a uniform strain (5,) exerts in the far field into `work.strain_load`, after `resistance`."""
     far_field_strain_load(work, strain_five)

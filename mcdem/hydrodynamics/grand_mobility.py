@@ -20,7 +20,7 @@ import math
 import numpy as np
 from numba import njit
 
-from mcdem.separate_compilation import separately_compiled
+from mcdem.compilation import compiled, separately_compiled
 
 _SQRT2 = math.sqrt(2.0)
 _SQRT6 = math.sqrt(6.0)
@@ -37,7 +37,7 @@ def basis_contract(direction, rows):
     rows[4, 0], rows[4, 1], rows[4, 2] = 0.0, z / _SQRT2, y / _SQRT2
 
 
-@njit(cache=True)
+@compiled
 def tensor_to_five(tensor, out):
     """Components of a symmetric traceless tensor (3, 3) in the basis; out (5,)."""
     out[0] = (tensor[0, 0] - tensor[1, 1]) / _SQRT2
@@ -47,7 +47,7 @@ def tensor_to_five(tensor, out):
     out[4] = _SQRT2 * tensor[1, 2]
 
 
-@njit(cache=True)
+@compiled
 def five_tensor(components, tensor):
     """The symmetric traceless tensor of five components (5,) into tensor (3, 3)."""
     tensor[0, 0] = components[0] / _SQRT2 - components[1] / _SQRT6
@@ -71,7 +71,7 @@ def five_to_tensor(components: np.ndarray) -> np.ndarray:
     return tensor
 
 
-@njit(cache=True)
+@compiled
 def _place_cross(matrix, row, column, factor, d):
     """matrix[row + k, column + l] = factor eps_klm d_m, the map v -> factor v x d."""
     matrix[row, column], matrix[row, column + 1], matrix[row, column + 2] = 0.0, factor * d[2], -factor * d[1]

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
+from mcdem.compilation import separately_compiled
 from mcdem.hydrodynamics.linear_algebra import (
     add_product,
     add_transposed_product,
@@ -21,7 +22,6 @@ from mcdem.hydrodynamics.linear_algebra import (
     subtract_outer,
 )
 from mcdem.hydrodynamics.two_sphere.lubrication import RAW
-from mcdem.separate_compilation import separately_compiled
 
 NOT_POSITIVE_DEFINITE = 1
 

@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mcdem.compilation import separately_compiled
 from mcdem.hydrodynamics import fts
 from mcdem.hydrodynamics.grand_mobility import five_tensor
 from mcdem.hydrodynamics.level import Level
 from mcdem.hydrodynamics.two_sphere import lubrication
 from mcdem.hydrodynamics.two_sphere.tables import lubrication_tables
-from mcdem.separate_compilation import separately_compiled
 
 
 class StokesianDynamics(NamedTuple):

@@ -16,8 +16,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.kinds import Response, Turned
 from mcdem.effects.sums import contact_force, contact_resistance, fixed_in_spheres
 from mcdem.effects.tangential import carry, relative_turns, spread, turn_map
@@ -25,7 +26,6 @@ from mcdem.hydrodynamics.linear_algebra import cholesky, multiply_symmetric, sol
 from mcdem.hydrodynamics.undisturbed_flow import spin_component, velocities_of_flow
 from mcdem.integrators.newton import MOST_ITERATIONS, contact_tangent, starts_anew
 from mcdem.integrators.state import NOT_CONVERGED, harmonic_radius
-from mcdem.separate_compilation import separately_compiled
 
 # Largest move of a sphere, or turn, by which an iteration is settled: springs slip from 1e-4 a on.
 SETTLED = 1e-8
@@ -49,7 +49,7 @@ class Pair(NamedTuple):
     torques: np.ndarray  # (2, 3)
 
 
-@njit(cache=True)
+@compiled
 def new_pair():
     """Work arrays."""
     return Pair(
@@ -112,7 +112,7 @@ def fill_driving(flow, work, torques):
     return 0
 
 
-@njit(cache=True)
+@compiled
 def spins(gradient, step, torques, out):
     """Angular velocities relative to the flow, out (3N,), over the step that was solved."""
     for i in range(torques.turns.shape[0]):
@@ -159,7 +159,7 @@ def resist(motion, work, i, j, normal_force, linear, resistances):
     return distance
 
 
-@njit(cache=True)
+@compiled
 def place_of(local, i, j, n):
     """Row of (rotations | displacements) for one of twelve coordinates (dx1, turn_1, dx2, turn_2) of a pair, 1 = j and 2 = i."""
     sphere = j if local < 6 else i
@@ -184,7 +184,7 @@ def add_resistance_stiffness(matrix, tangent, map_, i, j, n):
             matrix[row, column] += total
 
 
-@njit(cache=True)
+@compiled
 def add_normal_stiffness(matrix, slope, turning, normal, i, j, n):
     """The same for the normal force, as `implicit.add_stiffness`; i > j."""
     m = 3 * n
@@ -199,7 +199,7 @@ def add_normal_stiffness(matrix, slope, turning, normal, i, j, n):
                 matrix[m + 3 * j + k, m + 3 * j + l] += value
 
 
-@njit(cache=True)
+@compiled
 def add_loads(residual, normal, distance, i, j, n, pair):
     """residual (6N,) += what the loads of one pair exert on its spheres."""
     m = 3 * n

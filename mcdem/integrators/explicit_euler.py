@@ -14,8 +14,9 @@ from __future__ import annotations
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.sums import contact_force, contact_pull_off_gap
 from mcdem.hydrodynamics.resistance import Work, measure, workspace
 from mcdem.hydrodynamics.undisturbed_flow import flow_component
@@ -38,7 +39,6 @@ from mcdem.integrators.state import (
 )
 from mcdem.quantities.toml_tables import Table
 from mcdem.quantities.units import DIMENSIONLESS, TIME
-from mcdem.separate_compilation import separately_compiled
 
 
 class Keys(Table):
@@ -85,7 +85,7 @@ def scratch(n: int, resisting: bool) -> Scratch:
     return Scratch(workspace(n), np.empty((n, 3)), np.zeros((n, 3)), np.empty(n, np.int64))
 
 
-@njit(cache=True)
+@compiled
 def eq20_step(motion, velocities, gaps, options):
     """Step length by Eq. 20."""
     step = options.base_step

@@ -26,6 +26,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numba import njit, types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.sums import contact_force
 from mcdem.hydrodynamics import frozen_far_field
 from mcdem.hydrodynamics.level import two_body
@@ -57,7 +58,6 @@ from mcdem.integrators.state import (
 from mcdem.integrators.step_control import first_try, middle_geometry, too_far
 from mcdem.quantities.toml_tables import Table
 from mcdem.quantities.units import DIMENSIONLESS
-from mcdem.separate_compilation import separately_compiled
 
 # Below it a step has failed.  Strong attraction in a weak flow closes the last of a gap, down to where a stiff contact bears
 # it, within 1e-15/g: that is nothing in time, but not for the primaries.
@@ -159,7 +159,7 @@ def build(keys: Keys, scales: Scales) -> ImplicitMidpoint:
     )
 
 
-@njit(cache=True)
+@compiled
 def drive_at_middle(motion, flow, physics, middle, tolerance, work):
     """Resistance of the spheres and all loads on them but those of contacts; 0 or an error code."""
     hydro = work.hydrodynamics
@@ -172,7 +172,7 @@ def drive_at_middle(motion, flow, physics, middle, tolerance, work):
     return drive_spheres(flow, work, work.torques)
 
 
-@njit(cache=True)
+@compiled
 def drive_spheres(flow, work, torques):
     """Loads on the spheres, torque-free ones or ones that rotate against the torques of their contacts."""
     if torques is not None:
@@ -215,7 +215,7 @@ def learn_moments(motion, flow, step, work, torques):
     frozen_far_field.learn(work.kept, hydro, spin, work.move)
 
 
-@njit(cache=True)
+@compiled
 def solve_step(motion, contacts, gaps, step, physics, work, springs):
     """Newton for the positions at the end of the step, from the guess in work.end; 0 or NOT_CONVERGED."""
     if springs is not None:
@@ -223,7 +223,7 @@ def solve_step(motion, contacts, gaps, step, physics, work, springs):
     return solve_contacts(motion, contacts, gaps, step, physics.contact, work)
 
 
-@njit(cache=True)
+@compiled
 def keep_springs(motion, contacts, physics, work, springs):
     """The histories of contacts at the end of an accepted step."""
     if springs is not None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.sums import contact_equilibrium, contact_force, contact_pull_off_gap
 from mcdem.hydrodynamics.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
 from mcdem.integrators.state import NOT_CONVERGED, harmonic_radius
-from mcdem.separate_compilation import separately_compiled
 
 # The method is done when it moves no primary by more than this, in a.
 CONVERGED = 1e-7
@@ -17,13 +17,13 @@ MOST_ITERATIONS = 48
 ANEW = 16
 
 
-@njit(cache=True)
+@compiled
 def starts_anew(iteration):
     """Whether an iteration takes contacts as linear springs about equilibrium."""
     return iteration == ANEW or iteration == ANEW + 1
 
 
-@njit(cache=True)
+@compiled
 def contact_tangent(motion, end, gaps, i, j, iteration, contact, normal):
     """The force of a contact at the end of a step and how Newton's method takes it; fills its direction `normal` (3,).
 
@@ -143,7 +143,7 @@ def solve_contacts(motion, contacts, gaps, step, contact, work):
     return NOT_CONVERGED
 
 
-@njit(cache=True)
+@compiled
 def largest(values):
     """Largest size of a component; not a number if one is none."""
     found = 0.0
@@ -173,7 +173,7 @@ def worst_overstretch(contacts, radii, contact, work):
     return worst, excess
 
 
-@njit(cache=True)
+@compiled
 def put_last(pairs, which, count):
     """Move one of the first `count` pairs (B, 2) behind the others, whose order stays; returns how many these are."""
     i, j = pairs[which, 0], pairs[which, 1]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.sums import non_contact_force
 from mcdem.integrators.state import harmonic_radius, note_contact_made
-from mcdem.separate_compilation import separately_compiled
 
 # Gap h/a beyond which direct forces between spheres not in contact are left out: there the unretarded
 # attraction is below 1e-7 of its value at contact for the smallest roughness in use.
@@ -37,7 +37,7 @@ def find_gaps(positions, radii, gaps):
             gaps[i, j] = gaps[j, i] = np.sqrt(r) - radii[i] - radii[j]
 
 
-@njit(cache=True)
+@compiled
 def approach_speed(positions, velocities, i, j):
     """(rate of change of the centre distance, relative speed) of a pair."""
     distance = along = speed = 0.0
@@ -50,7 +50,7 @@ def approach_speed(positions, velocities, i, j):
     return along / np.sqrt(distance), np.sqrt(speed)
 
 
-@njit(cache=True)
+@compiled
 def add_pair_force(forces, i, j, direction, value):
     """Add a force of size `value` > 0 pushing i and j apart; direction (3,) from j to i."""
     for k in range(3):
@@ -70,7 +70,7 @@ def add_non_contact_forces(forces, directions, gaps, motion, pair_forces):
                 add_pair_force(forces, i, j, directions[i, j], value)
 
 
-@njit(cache=True)
+@compiled
 def make_contact(motion, log, gaps, i, j, now, contact):
     """A pair that meets at h <= 0 is in contact from then on, where the scene has contacts; True if it now is."""
     if gaps[i, j] > 0.0 or motion.bonded[i, j]:

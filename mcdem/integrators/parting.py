@@ -27,17 +27,17 @@ in simple shear (A/3) sqrt(x^2 + y^2) + B z^2/(6 y), and is bounded too.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.integrators.bodies import centre_and_reach, mean_velocity
 from mcdem.integrators.pairs import FORCE_RANGE
-from mcdem.separate_compilation import separately_compiled
 
 STRAY = 0.01
 """Largest stray of what goes on alone, in outer radii of the larger body."""
 
 
-@njit(cache=True)
+@compiled
 def across(first, second):
     """|first x second| of two vectors (3,)."""
     a = first[1] * second[2] - first[2] * second[1]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from numba import njit, types
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.sums import contact_gap
 from mcdem.hydrodynamics.resistance import measure
 from mcdem.integrators.bodies import extrapolate
 from mcdem.integrators.pairs import approach_speed
 from mcdem.integrators.state import harmonic_radius
-from mcdem.separate_compilation import separately_compiled
 
 # Share of the longest step that is taken while two bodies are within a radius of each other, and for the strain SETTLING
 # after a contact was made or lost: what happens then decides.
@@ -19,7 +19,7 @@ SETTLING = 1.0
 FIRST = 0.3
 
 
-@njit(cache=True)
+@compiled
 def allowed_step(motion, labels, gaps, options):
     """Longest step that resolves the gaps of pairs not in contact, from the last velocities."""
     step = options.max_step
@@ -39,7 +39,7 @@ def allowed_step(motion, labels, gaps, options):
     return step
 
 
-@njit(cache=True)
+@compiled
 def gap_rate(motion, history, gaps, step, i, j):
     """Rate of change of a gap at a quarter of the coming step, from the gaps of the last two steps."""
     if history.steps[0] == 0.0:

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
+from mcdem.compilation import separately_compiled
 from mcdem.integrators.bodies import label_bodies
 from mcdem.integrators.parting import label_groups
 from mcdem.integrators.scheme import advance
 from mcdem.integrators.state import DONE, PARTED, PAUSED, SETTLED, TOO_MANY_STEPS, Log
-from mcdem.separate_compilation import separately_compiled
 
 # Strain between two looks at which bodies there are and whether they part.
 LOOK_EVERY = 0.5

@@ -12,17 +12,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.hydrodynamics.grand_mobility import five_tensor
 from mcdem.hydrodynamics.undisturbed_flow import spin_component
 from mcdem.integrators.parting import surely_apart
 from mcdem.integrators.rotations import multiply, rotation, turn_back
 from mcdem.rigid_aggregates.statics import RigidBody, present_load
-from mcdem.separate_compilation import separately_compiled
 
 
-@njit(cache=True)
+@compiled
 def add_disturbance(stresslet, separation, size, gradient, velocity):
     """Add the field of a stresslet (3, 3) at `separation` (3,) from it: velocity (3,) and gradient (3, 3), du_i/dx_k.
 
@@ -46,7 +46,7 @@ def add_disturbance(stresslet, separation, size, gradient, velocity):
             )
 
 
-@njit(cache=True)
+@compiled
 def exerted(body, matrix, strain, stresslet):
     """Stresslet (3, 3), in the laboratory, of a body turned by matrix in a strain (3, 3); returns its present loads."""
     seen, five = np.empty(5), np.zeros(5)
@@ -68,7 +68,7 @@ def exerted(body, matrix, strain, stresslet):
     return present_load(body, seen)
 
 
-@njit(cache=True)
+@compiled
 def body_rates(body, matrix, centre, gradient, disturbance, carried, velocity, spin):
     """Velocity and angular velocity (3,) of a body in the flow, a disturbance (3, 3) of its gradient, and one of its velocity."""
     total, strain = np.empty((3, 3)), np.empty((3, 3))
@@ -147,7 +147,7 @@ class Limits(NamedTuple):
     load: float  # share of its strength that a contact may bear
 
 
-@njit(cache=True)
+@compiled
 def rates_of(pair, flow, velocities, spins):
     """`pair_rates` of two bodies where they are."""
     return pair_rates(
@@ -175,7 +175,7 @@ def step_together(pair, flow, velocities, spins, step):
             centres[which, k] += step * velocities[which, k]
 
 
-@njit(cache=True)
+@compiled
 def closing_speed(centres, velocities):
     """(distance of the centres, rate at which it falls)."""
     distance = closing = 0.0

@@ -15,8 +15,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.sums import (
     contact_equilibrium,
     contact_force,
@@ -32,7 +33,6 @@ from mcdem.hydrodynamics.undisturbed_flow import spin_component
 from mcdem.integrators.pairs import FORCE_RANGE
 from mcdem.integrators.rotations import multiply, rotation, turn_back
 from mcdem.integrators.state import harmonic_radius
-from mcdem.separate_compilation import separately_compiled
 
 RIGID = 0
 FLOPPY = 1
@@ -57,7 +57,14 @@ class RigidBody(NamedTuple):
     squared_radius: float  # of the sphere with the same radius of gyration
 
 
-@njit(cache=True)
+_VECTOR, _MATRIX = types.float64[::1], types.float64[:, ::1]
+BODY = types.NamedTuple(
+    (_MATRIX, _MATRIX, _MATRIX, _MATRIX, types.int64, _VECTOR, _MATRIX, _VECTOR, types.float64), RigidBody
+)
+"""Type of a `RigidBody` in compiled code."""
+
+
+@compiled
 def sorted_eigenvalues(c):
     """Eigenvalues, largest first, of the symmetric traceless tensor with five components c."""
     a = np.empty((3, 3))
@@ -79,7 +86,7 @@ def sorted_eigenvalues(c):
     return largest, -largest - smallest, smallest
 
 
-@njit(cache=True)
+@compiled
 def worst_load(body, strain_five):
     """Largest ratio, over contacts and orientations, of load to strength."""
     e1, e2, e3 = sorted_eigenvalues(strain_five)
@@ -90,7 +97,7 @@ def worst_load(body, strain_five):
     return worst
 
 
-@njit(cache=True)
+@compiled
 def squared_radius(positions, radii):
     """Squared radius of the sphere with the radius of gyration of a body, (5/3) R_g^2, from positions (P, 3) about its centre."""
     volume = second = own = 0.0
@@ -103,7 +110,7 @@ def squared_radius(positions, radii):
     return own / volume + 5.0 / 3.0 * second / volume
 
 
-@njit(cache=True)
+@compiled
 def empty_body(n):
     """A body with no contacts."""
     return RigidBody(
@@ -119,7 +126,7 @@ def empty_body(n):
     )
 
 
-@njit(cache=True)
+@compiled
 def of_sphere(radius):
     """The body of one sphere: no contacts, and the stresslet -10/9 a^3 E of a sphere by itself."""
     b = empty_body(1)
@@ -176,7 +183,7 @@ class RigidMotions(NamedTuple):
     grand: np.ndarray  # (6, 6) their resistance, factorised
 
 
-@njit(cache=True)
+@separately_compiled(types.Tuple((types.int64, BODY)))
 def analyse(work, positions, bonded, radii, physics):
     """(RIGID, FLOPPY or FAILED, body) of one connected aggregate; positions (P, 3) about its centre, reduced units.
 
@@ -261,7 +268,7 @@ def analyse(work, positions, bonded, radii, physics):
     )
 
 
-@njit(cache=True)
+@compiled
 def count_contacts(bonded):
     """Number of contacts of (N, N)."""
     count = 0
@@ -272,7 +279,7 @@ def count_contacts(bonded):
     return count
 
 
-@njit(cache=True)
+@compiled
 def linear_contact(gap, radius, contact):
     """(force, stiffness) of a contact at its gap; the stiffness is floored as in `newton.contact_tangent`."""
     force, slope = contact_force(gap, radius, contact)
@@ -332,7 +339,7 @@ def move_as_body(matrix, positions, rigid, strain_load, strain_five, motion, rel
             relative[row] += motion[p] * modes[p, row]
 
 
-@njit(cache=True)
+@compiled
 def keep_motion(body, k, motion):
     """Keep the motion (6,) of a body in the strain k."""
     for c in range(3):
@@ -410,7 +417,7 @@ def rigid_modes(positions):
     return modes
 
 
-@njit(cache=True)
+@compiled
 def present_load(body, seen):
     """Largest ratio of load to strength in the strain seen from the body, (5,): of any kind, and of tension."""
     worst = tension = 0.0
@@ -424,7 +431,7 @@ def present_load(body, seen):
     return worst, tension
 
 
-@njit(cache=True)
+@compiled
 def turning_rate(body, matrix, gradient, seen, rate):
     """Angular velocity (3,) in the laboratory of a body turned by matrix (3, 3), which sees the strain `seen` (5,)."""
     for k in range(3):

@@ -35,6 +35,7 @@ import numba
 import numpy as np
 from numba import njit
 
+from mcdem.compilation import compiled
 from mcdem.hydrodynamics.two_sphere import far_field as pair_mobility
 from mcdem.hydrodynamics.two_sphere import tensors as pair_tensors
 from mcdem.hydrodynamics.two_sphere import twin_multipoles
@@ -243,7 +244,7 @@ def _tabulate(ratio: float) -> LubricationTable:
     )
 
 
-@njit(cache=True)
+@compiled
 def lubrication_scalars(gap: float, table: LubricationTable, out: np.ndarray) -> None:
     """Fill out[:columns] with the differences at this gap; gaps below `smallest_gap`, overlap too, count as that."""
     first_columns(gap, table, table.coefficients.shape[2], out)

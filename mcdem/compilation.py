@@ -29,6 +29,7 @@ from numba.core.typing.templates import AbstractTemplate, Signature, infer_globa
 from numba.extending import lower_builtin
 
 from mcdem.bundles import bundled
+from mcdem.compiled_once import ask, kernel_of, once
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -48,16 +49,8 @@ def separately_compiled(returns: types.Type = types.none) -> Callable[[Function]
     """
 
     def decorate(function: Function) -> Function:
-        kernel = njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
-        enter: list[Callable[..., Any]] = []
-
-        @wraps(function)
-        def call(*args: Any) -> Any:
-            if not enter:
-                enter.append(_entered_from_python(call))
-            return enter[0](*args)
-
-        call.kernel = kernel  # type: ignore[attr-defined]
+        kernel = kernel_of(function, _compile_question)
+        call = _callable_from_python(function, kernel)
         call.returns = returns  # type: ignore[attr-defined]
         name = function.__module__, function.__qualname__
 
@@ -82,21 +75,47 @@ def separately_compiled(returns: types.Type = types.none) -> Callable[[Function]
     return decorate
 
 
-def _entered_from_python(call: Callable[..., Any]) -> Callable[..., Any]:
+def compiled(function: Function) -> Function:
+    """Compile a function into whatever compiled code calls it.
+
+    What compiled code alone calls is not made ready for calls from Python; where one comes, a few lines of its own pass it on.
+    """
+    kernel = kernel_of(function, _compile_question)
+    call = _callable_from_python(function, kernel)
+    infer_global(call, types.Dispatcher(kernel))
+    return call  # type: ignore[no-any-return]
+
+
+def _callable_from_python(function: Callable[..., Any], kernel: Any) -> Any:
+    """A function of Python that calls a kernel; the compiled lines between them are made at the first call."""
+
+    @wraps(function)
+    def call(*args: Any) -> Any:
+        if not entered:
+            entered.append(_passing_on(call))
+        return entered[0](*args)
+
+    entered: list[Callable[..., Any]] = []
+    call.kernel = kernel  # type: ignore[attr-defined]
+    return call
+
+
+def _passing_on(call: Callable[..., Any]) -> Callable[..., Any]:
     """A compiled function that does nothing but pass on what Python gives it."""
 
     def entered(*args):  # type: ignore[no-untyped-def]
         return call(*args)
 
     entered.__name__ = entered.__qualname__ = f"{call.__name__}_from_python"
-    compiled: Callable[..., Any] = njit(cache=True, no_cfunc_wrapper=True)(entered)
-    return compiled
+    found: Callable[..., Any] = once(njit(cache=True, no_cfunc_wrapper=True)(entered), _compile_question)
+    return found
 
 
 def _call_by_pointer(context: Any, builder: Any, sig: Signature, args: Any, name: tuple[str, str]) -> Any:
     """The code of a call: the pointer, asked for if it is empty, and numba's own way of calling with it."""
     module, address = builder.module, ir.IntType(64)
     wanted = pickle.dumps((*name, tuple(sig.args)))
+    ask(wanted)
     slot = cgutils.global_constant(module, "separately_compiled", ir.Constant(address, 0))
     slot.global_constant = False
     known = cgutils.alloca_once_value(builder, builder.load(slot))
@@ -131,8 +150,7 @@ def _address(question: int, length: int) -> int:
     interrupted = False
     while True:
         try:
-            module, name, args = pickle.loads(ctypes.string_at(question, length))
-            address = _compiled(module, name, args)
+            address = _compile_question(ctypes.string_at(question, length))
             break
         except KeyboardInterrupt:
             interrupted = True
@@ -141,8 +159,9 @@ def _address(question: int, length: int) -> int:
     return address
 
 
-def _compiled(module: str, name: str, args: tuple[types.Type, ...]) -> int:
+def _compile_question(question: bytes) -> int:
     """Address of the native code of a separately compiled function, from the cache on disk or compiled now."""
+    module, name, args = pickle.loads(question)
     function = getattr(importlib.import_module(module), name)
     kernel = function.kernel
     kernel.compile(args)
