@@ -21,11 +21,13 @@ import time
 from pathlib import Path
 from typing import Any
 
+from numba.core.event import Listener, register
+
 SCENES = Path(__file__).parents[1] / "scenes"
 FIRST = SCENES / "quickstart.toml"
 
 
-class CompileTimes:
+class CompileTimes(Listener):
     """Listens to numba: processor time [s] of each function and signature, without what it compiles on the way."""
 
     def __init__(self) -> None:
@@ -46,17 +48,11 @@ class CompileTimes:
         if self._open:
             self._open[-1][1] += spent
 
-    def notify(self, event: Any) -> None:
-        """What numba calls."""
-        (self.on_start if event.is_start else self.on_end)(event)
-
 
 def follow(scene_file: str) -> None:
     """In a process of its own: have all of a scene compiled, and print what it took as JSON."""
-    from numba.core import event
-
     times = CompileTimes()
-    event.register("numba:compile", times)  # type: ignore[arg-type]
+    register("numba:compile", times)
     import mcdem
     from mcdem.analysis.accuracy_cost import warm_up
 

@@ -18,7 +18,7 @@ from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, lower_cast, lower_getattr_generic, models, register_model
 
 
-class Bundle(types.Type):  # type: ignore[misc]
+class Bundle(types.Type):
     """A named tuple in memory.
 
     instance_class : class of the named tuple, as numba's own type of one has it
@@ -56,14 +56,14 @@ register_model(Bundle)(models.OpaqueModel)
 
 
 @infer_getattr
-class _Members(AttributeTemplate):  # type: ignore[misc]
+class _Members(AttributeTemplate):
     key = Bundle
 
     def generic_resolve(self, kind: Bundle, member: str) -> types.Type | None:
         return kind.member(kind.place_of(member)) if member in kind.tuple_type.fields else None
 
 
-@lower_getattr_generic(Bundle)  # type: ignore[untyped-decorator]
+@lower_getattr_generic(Bundle)
 def _member(context: Any, builder: Any, kind: Bundle, value: Any, member: str) -> Any:
     place = kind.place_of(member)
     stored = kind.tuple_type.types[place]
@@ -90,7 +90,7 @@ def _load(builder: Any, where: Any) -> Any:
     return loaded
 
 
-@lower_cast(types.NamedTuple, Bundle)  # type: ignore[untyped-decorator]
+@lower_cast(types.NamedTuple, Bundle)
 def _pack(context: Any, builder: Any, given: types.NamedTuple, wanted: Bundle, value: Any) -> Any:
     """Lay a named tuple down in the caller's frame."""
     data = context.data_model_manager[given].as_data(builder, value)

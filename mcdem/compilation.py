@@ -51,10 +51,10 @@ def separately_compiled(returns: types.Type = types.none) -> Callable[[Function]
     def decorate(function: Function) -> Function:
         kernel = kernel_of(function, _compile_question)
         call = _callable_from_python(function, kernel)
-        call.returns = returns  # type: ignore[attr-defined]
+        call.returns = returns
         name = function.__module__, function.__qualname__
 
-        class Template(AbstractTemplate):  # type: ignore[misc]
+        class Template(AbstractTemplate):
             key = call
 
             def generic(self, args: tuple[types.Type, ...], kws: dict[str, types.Type]) -> Signature:
@@ -66,11 +66,11 @@ def separately_compiled(returns: types.Type = types.none) -> Callable[[Function]
 
         infer_global(call, types.Function(Template))
 
-        @lower_builtin(call, types.VarArg(types.Any))  # type: ignore[untyped-decorator]
+        @lower_builtin(call, types.VarArg(types.Any))
         def _(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
             return _call_by_pointer(context, builder, sig, args, name)
 
-        return call  # type: ignore[return-value]
+        return call
 
     return decorate
 
@@ -83,7 +83,7 @@ def compiled(function: Function) -> Function:
     kernel = kernel_of(function, _compile_question)
     call = _callable_from_python(function, kernel)
     infer_global(call, types.Dispatcher(kernel))
-    return call  # type: ignore[no-any-return]
+    return call
 
 
 def _callable_from_python(function: Callable[..., Any], kernel: Any) -> Any:
@@ -166,7 +166,7 @@ def _compile_question(question: bytes) -> int:
     kernel = function.kernel
     kernel.compile(args)
     compiled = kernel.overloads[args]
-    if compiled.signature.return_type != function.returns:
+    if types.unliteral(compiled.signature.return_type) != function.returns:
         raise TypeError(f"{module}.{name} returns {compiled.signature.return_type}, not {function.returns}")
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
 

@@ -2,7 +2,7 @@
 
 A function has a lock beside its cached code, of the operating system's kind, which ends with the process that holds it.  A
 process holds the locks of the functions that it is compiling, callers before what they call, so that none waits for another in a
-circle.  One that has to wait while it holds none compiles ahead: functions that code compiled so far will call by pointer, the last
+circle.  One that has to wait while it holds none compiles ahead: what code compiled so far will call by pointer, the last first,
 since they are called for in order.
 """
 

@@ -126,8 +126,10 @@ class MajorantRejection:
         if self.population.number < 2:
             found = found[:0]
         else:
-            while accepted(*self._proposals, self._radius, self._cursor, found) < count:
+            first, second, reach = self._proposals
+            while accepted(first, second, reach, self._radius, self._cursor, found) < count:
                 self._draw()
+                first, second, reach = self._proposals
         first, second, _ = self._proposals
         return Meetings(
             self._times[found],
