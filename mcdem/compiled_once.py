@@ -12,7 +12,7 @@ import hashlib
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,19 @@ def once(kernel: Any, ahead: Callable[[bytes], object]) -> Any:
 
     kernel.compile = compile_once
     return kernel
+
+
+@contextmanager
+def one_at_a_time(lock_file: Path) -> Iterator[None]:
+    """Hold a lock of all processes that share a cache; nothing where none can be written."""
+    lock = FileLock(lock_file)
+    with suppress(OSError):
+        lock_file.parent.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 @contextmanager

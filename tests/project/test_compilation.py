@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-MODULE = '''
+MODULE = """
 from typing import NamedTuple
 
 import numpy as np
@@ -61,7 +61,7 @@ def two_steps(x, outer):
     n, first = step(x, outer, False)
     m, second = step(x, outer, True)
     return n + m, first + second
-'''
+"""
 
 RUN = """
 import json, sys
@@ -112,7 +112,9 @@ def start(tmp_path):
     }
 
     def begin(text=RUN):
-        return subprocess.Popen([sys.executable, "-c", text], env=environment, stdout=subprocess.PIPE, text=True)
+        return subprocess.Popen(
+            [sys.executable, "-c", text], env=environment, stdout=subprocess.PIPE, text=True
+        )
 
     return begin
 
