@@ -2,7 +2,7 @@
 
 numba notices an edit of the file in which a kernel is defined, not an edit of a kernel that it calls, of a constant that it
 reads or of a named tuple that it is given from another file, and would go on running the old one.  So the cache folder is
-named by a hash of every source file on which compiled code depends: those that import numba, all that these import, and
+named by a hash of every source file on which compiled code depends: those that compile, all that these import, and
 those that define a named tuple.  A `NUMBA_CACHE_DIR` set by the user, as on clusters, holds that folder.
 
 It is asked for whenever the package is imported, so it loads nothing and finds imports by their lines alone.  Effects of other
@@ -77,7 +77,12 @@ def sources(package: Path) -> dict[Path, bytes]:
     texts = {path: path.read_bytes() for path in package.rglob("*.py")}
     imports = {path: imported(text, path, package) for path, text in texts.items() if b"import" in text}
     reached = {path for path, text in texts.items() if b"NamedTuple" in text or b"namedtuple" in text}
-    waiting = [path for path, names in imports.items() if any(n.partition(".")[0] == "numba" for n in names)]
+    compiles = {"numba", f"{package.name}.compilation"}
+    waiting = [
+        path
+        for path, names in imports.items()
+        if any(n in compiles or n.startswith(("numba.", f"{package.name}.compilation.")) for n in names)
+    ]
     followed = set()
     while waiting:
         path = waiting.pop()

@@ -7,9 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial.transform import Rotation
+import scipy
 
 from mcdem.arguments import scene_at_door
 from mcdem.errors import UserError
@@ -119,7 +117,7 @@ class Aggregate:
             pairs = _pairs(bonds, len(points))
             _refuse_apart(scene, points, sizes, pairs)
             bonded[pairs[:, 0], pairs[:, 1]] = bonded[pairs[:, 1], pairs[:, 0]] = True
-        count, _ = connected_components(bonded)
+        count, _ = scipy.sparse.csgraph.connected_components(bonded)
         if count > 1:
             raise UserError(
                 f"positions: the primaries form {count} parts that do not touch, expected one aggregate: "
@@ -163,7 +161,7 @@ class Aggregate:
         """The aggregate in a random orientation, uniform over all rotations."""
         if self.size == 1:
             return self
-        turn = Rotation.random(rng=rng)
+        turn = scipy.spatial.transform.Rotation.random(rng=rng)
         springs = self.springs
         if springs is not None and len(springs):
             springs = np.hstack([turn.apply(springs[:, :3]), turn.apply(springs[:, 3:6]), springs[:, 6:]])
@@ -256,6 +254,6 @@ def overlap_limit(scene: Scene) -> float:
 
 def split(bonded: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
     """Members of the connected components of the contact network, each sorted, in the order of their first member."""
-    count, labels = connected_components(coo_array(bonded), directed=False)
+    count, labels = scipy.sparse.csgraph.connected_components(scipy.sparse.coo_array(bonded), directed=False)
     parts = [np.flatnonzero(labels == part) for part in range(count)]
     return sorted(parts, key=lambda members: int(members[0]))

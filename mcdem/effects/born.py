@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, NamedTuple
 
-from numba import njit
-
+from mcdem.compilation import compiled
 from mcdem.effects.kinds import Companions, EffectTable, PairForce, refuse_contact
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
@@ -56,7 +55,7 @@ class BornKernel(NamedTuple):
     """sigma [length]"""
 
 
-@njit(cache=True)
+@compiled
 def force(h, radius, p):
     """Force (F, dF/dh) at gap `h` between spheres of harmonic mean radius `radius`; F > 0 repels.
 

@@ -15,8 +15,7 @@ from __future__ import annotations
 from math import pi, sqrt
 from typing import ClassVar, NamedTuple
 
-from numba import njit
-
+from mcdem.compilation import compiled
 from mcdem.effects.elastic_contact import ElasticContact
 from mcdem.effects.kinds import Companions, ContactLaw
 from mcdem.quantities.reduced_units import ReducedUnits
@@ -67,7 +66,7 @@ class DMTKernel(NamedTuple):
     """-dF/dh at h_eq, ~ a_eff^(2/3)"""
 
 
-@njit(cache=True)
+@compiled
 def force(h, radius, p):
     """Force (F, dF/dh) of a contact at gap `h` between spheres of harmonic mean radius `radius`; F > 0 repels.
 
@@ -80,26 +79,26 @@ def force(h, radius, p):
     return -slope * h - pull_off_force, -1.5 * slope
 
 
-@njit(cache=True)
+@compiled
 def pull_off_gap(radius, p):
     """Gap beyond which a contact is lost: where it was made."""
     return 0.0
 
 
-@njit(cache=True)
+@compiled
 def pull_off_force(radius, p):
     """Largest tension that a contact bears."""
     return p.pull_off_force * radius
 
 
-@njit(cache=True)
+@compiled
 def equilibrium(radius, p):
     """(gap, stiffness) of a contact without load."""
     growth = radius ** (1.0 / 3.0) if radius != 1.0 else 1.0
     return p.equilibrium_gap * growth, p.equilibrium_stiffness * growth * growth
 
 
-@njit(cache=True)
+@compiled
 def gap(force, radius, p):
     """Gap at which a contact bears `force` > -F_adh: the inverse of `force`."""
     return -(((force + p.pull_off_force * radius) / (p.modulus * sqrt(radius))) ** (2.0 / 3.0))

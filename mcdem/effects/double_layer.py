@@ -18,9 +18,9 @@ from __future__ import annotations
 from math import exp, pi, sqrt
 from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
-from numba import njit
 from pydantic import model_validator
 
+from mcdem.compilation import compiled
 from mcdem.effects.kinds import Companions, EffectTable, PairForce
 from mcdem.errors import SceneError
 from mcdem.quantities.reduced_units import ReducedUnits
@@ -139,7 +139,7 @@ class DoubleLayerKernel(NamedTuple):
     """[length]"""
 
 
-@njit(cache=True)
+@compiled
 def force(h, radius, p):
     """Force (F, dF/dh) at gap `h` between spheres of harmonic mean radius `radius`; F > 0 repels.
 

@@ -18,8 +18,7 @@ from __future__ import annotations
 from math import inf, pi, sqrt
 from typing import ClassVar, NamedTuple
 
-from numba import njit
-
+from mcdem.compilation import compiled
 from mcdem.effects.elastic_contact import ElasticContact
 from mcdem.effects.kinds import Companions, ContactLaw
 from mcdem.quantities.reduced_units import ReducedUnits
@@ -81,7 +80,7 @@ def from_scales(pull_off_force: float, indentation: float) -> JKRKernel:
     )
 
 
-@njit(cache=True)
+@compiled
 def root_of_contact_radius(s):
     """y(s), the largest root of s = y (4 - 6 y^3)/3, for s = h/L up to pull-off (0.2646).
 
@@ -97,7 +96,7 @@ def root_of_contact_radius(s):
     return y
 
 
-@njit(cache=True)
+@compiled
 def force(h, radius, p):
     """Force (F, dF/dh) of a contact at gap `h` between spheres of harmonic mean radius `radius`; F > 0 repels.
 
@@ -118,26 +117,26 @@ def force(h, radius, p):
     )
 
 
-@njit(cache=True)
+@compiled
 def pull_off_gap(radius, p):
     """Gap beyond which a contact is lost."""
     return p.pull_off_gap * (radius ** (1.0 / 3.0) if radius != 1.0 else 1.0)
 
 
-@njit(cache=True)
+@compiled
 def pull_off_force(radius, p):
     """Largest tension that a contact bears."""
     return p.pull_off_force * radius
 
 
-@njit(cache=True)
+@compiled
 def equilibrium(radius, p):
     """(gap, stiffness) of a contact without load."""
     growth = radius ** (1.0 / 3.0) if radius != 1.0 else 1.0
     return p.equilibrium_gap * growth, p.equilibrium_stiffness * growth * growth
 
 
-@njit(cache=True)
+@compiled
 def gap(force, radius, p):
     """Gap at which a contact bears `force` > -F_adh: the inverse of `force`, Eq. 13 as it stands."""
     growth = radius ** (1.0 / 3.0) if radius != 1.0 else 1.0

@@ -20,8 +20,8 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mcdem.compilation import compiled
 from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_contact
 from mcdem.effects.tangential import ROLLS, STUCK, add_stiffness, cut_back, direction
 from mcdem.quantities.reduced_units import ReducedUnits
@@ -63,20 +63,20 @@ class RodsKernel(NamedTuple):
     """xi_max [length]"""
 
 
-@njit(cache=True)
+@compiled
 def limit(radius, p):
     """Largest displacement of a tip: (that without load, its growth per unit of compression)."""
     return p.largest_displacement, 0.0
 
 
-@njit(cache=True)
+@compiled
 def limits(radius, p, out):
     """Its rows of the limits (3, 2) of the springs of a contact."""
     out[0, 0], out[0, 1] = limit(radius, p)
     out[1, 0], out[1, 1] = limit(radius, p)
 
 
-@njit(cache=True)
+@compiled
 def resist(turned, p, response):
     """Add the loads and the stiffness of both rods; returns ROLLS if one of them slips, else STUCK."""
     carried, q, normal, distance, radius = (

@@ -13,8 +13,8 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mcdem.compilation import compiled
 from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_contact
 from mcdem.effects.tangential import ROLLS, STUCK, add_stiffness, cut_back, direction
 from mcdem.quantities.reduced_units import ReducedUnits
@@ -55,19 +55,19 @@ class RollingKernel(NamedTuple):
     """xi_crit/R* ~ 1/a_eff"""
 
 
-@njit(cache=True)
+@compiled
 def limit(radius, p):
     """Largest angle: (that without load, its growth per unit of compression)."""
     return p.largest_angle / radius, 0.0
 
 
-@njit(cache=True)
+@compiled
 def limits(radius, p, out):
     """Its row of the limits (3, 2) of the springs of a contact."""
     out[1, 0], out[1, 1] = limit(radius, p)
 
 
-@njit(cache=True)
+@compiled
 def resist(turned, p, response):
     """Add the loads and the stiffness of rolling; returns ROLLS or STUCK."""
     carried, q, normal, radius = turned.carried, turned.q, turned.normal, turned.radius

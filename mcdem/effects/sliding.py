@@ -18,8 +18,8 @@ from math import inf
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mcdem.compilation import compiled
 from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_contact
 from mcdem.effects.tangential import SLIDES, STUCK, add_stiffness, cut_back, direction
 from mcdem.quantities.reduced_units import ReducedUnits
@@ -60,7 +60,7 @@ class SlidingKernel(NamedTuple):
     """2 F_adh or F_adh, ~ a_eff"""
 
 
-@njit(cache=True)
+@compiled
 def limit(radius, p):
     """Largest displacement: (that without load, its growth per unit of compression)."""
     stiffness = p.stiffness * (radius ** (2.0 / 3.0) if radius != 1.0 else 1.0)
@@ -69,13 +69,13 @@ def limit(radius, p):
     return p.friction_coefficient * p.cohesion * radius / stiffness, p.friction_coefficient / stiffness
 
 
-@njit(cache=True)
+@compiled
 def limits(radius, p, out):
     """Its row of the limits (3, 2) of the springs of a contact."""
     out[0, 0], out[0, 1] = limit(radius, p)
 
 
-@njit(cache=True)
+@compiled
 def resist(turned, p, response):
     """Add the loads and the stiffness of sliding; F_n > 0 is compression; returns SLIDES or STUCK."""
     carried, q, normal, distance, share_1, radius, normal_force = turned

@@ -13,8 +13,7 @@ from __future__ import annotations
 from math import pi, sqrt
 from typing import Annotated, ClassVar, NamedTuple
 
-from numba import njit
-
+from mcdem.compilation import compiled
 from mcdem.effects.kinds import Companions, EffectTable, PairForce, refuse_contact
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
@@ -58,7 +57,7 @@ class StericKernel(NamedTuple):
     """2L [length]"""
 
 
-@njit(cache=True)
+@compiled
 def force(h, radius, p):
     """Force (F, dF/dh) at gap `h` between spheres of harmonic mean radius `radius`; F > 0 repels.
 

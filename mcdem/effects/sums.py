@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numba.extending import overload
 
+from mcdem.compilation import compiled
 from mcdem.effects.kinds import Effect
 
 _EFFECT_OF: dict[type, Any] = {}
@@ -59,7 +59,7 @@ def _(h, radius, pair_forces, force, slope):
     return add_first
 
 
-@njit(cache=True)
+@compiled
 def non_contact_force(h, radius, pair_forces):
     """(F, dF/dh) of two spheres not in contact: the sum over the pair forces of a scene."""
     return _add_forces(h, radius, pair_forces, 0.0, 0.0)
@@ -77,7 +77,7 @@ def _(h, radius, contact):
     return lambda h, radius, contact: law(h, radius, contact)
 
 
-@njit(cache=True)
+@compiled
 def contact_force(h, radius, contact):
     """(F, dF/dh) of two spheres in contact; no force where the scene has no contact law."""
     return _contact_force(h, radius, contact)
@@ -95,7 +95,7 @@ def _(force, radius, contact):
     return lambda force, radius, contact: law(force, radius, contact)
 
 
-@njit(cache=True)
+@compiled
 def contact_gap(force, radius, contact):
     """Gap at which a contact bears `force`, compression > 0; without bound where there are no contacts."""
     return _contact_gap(force, radius, contact)
@@ -113,7 +113,7 @@ def _(radius, contact):
     return lambda radius, contact: law(radius, contact)
 
 
-@njit(cache=True)
+@compiled
 def contact_pull_off_gap(radius, contact):
     """Gap beyond which a contact is lost."""
     return _pull_off_gap(radius, contact)
@@ -131,7 +131,7 @@ def _(radius, contact):
     return lambda radius, contact: law(radius, contact)
 
 
-@njit(cache=True)
+@compiled
 def contact_pull_off_force(radius, contact):
     """Largest tension that a contact bears."""
     return _pull_off_force(radius, contact)
@@ -149,7 +149,7 @@ def _(radius, contact):
     return lambda radius, contact: law(radius, contact)
 
 
-@njit(cache=True)
+@compiled
 def contact_equilibrium(radius, contact):
     """(gap, stiffness) of a contact without load."""
     return _equilibrium(radius, contact)
@@ -172,7 +172,7 @@ def _(radius, resistances, limits):
     return first_and_others
 
 
-@njit(cache=True)
+@compiled
 def contact_limits(radius, resistances, limits):
     """Largest lengths of the three springs of a contact, [0:3], [3:6] and [6], into `limits` (3, 2).
 
@@ -200,7 +200,7 @@ def _(turned, resistances, response, code):
     return first_and_others
 
 
-@njit(cache=True)
+@compiled
 def contact_resistance(turned, resistances, response):
     """Springs, loads (7,) and stiffness (7, 7) of a contact after a motion; see `tangential` for its use.
 
@@ -222,7 +222,7 @@ def _(resistances):
     return lambda resistances: fixed
 
 
-@njit(cache=True)
+@compiled
 def fixed_in_spheres(resistances):
     """Whether the springs of contacts turn about the line of centres with their spheres, not with the pair."""
     return _fixed_in_spheres(resistances)

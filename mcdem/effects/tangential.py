@@ -34,13 +34,13 @@ from __future__ import annotations
 
 from math import sqrt
 
-from numba import njit
+from mcdem.compilation import compiled
 
 STUCK = 0
 SLIDES, ROLLS, TWISTS = 1, 2, 4  # bits of the code that a law returns for springs at their limits
 
 
-@njit(cache=True)
+@compiled
 def relative_turns(before, after, turn_1, turn_2, fixed, q, normals, spins):
     """Turns `q` (7,) over a step that takes r from `before` to `after` while the spheres turn by `turn_1`, `turn_2`.
 
@@ -78,7 +78,7 @@ def relative_turns(before, after, turn_1, turn_2, fixed, q, normals, spins):
     return distance
 
 
-@njit(cache=True)
+@compiled
 def carry(spring, start, end, spins, carried):
     """Turn the springs of a contact with the pair over half a step: by the shortest turn from normal `start` to normal `end`,
     and about that by psi/2, where `spins` = tan(psi/2).  Lengths stay as they are.
@@ -103,7 +103,7 @@ def carry(spring, start, end, spins, carried):
     carried[6] = spring[6]
 
 
-@njit(cache=True)
+@compiled
 def spread(loads, normal, distance, force_2, torque_1, torque_2):
     """Force on sphere 2 (that on sphere 1 is its opposite) and torques of the `loads`; they do the work of the loads."""
     for k in range(3):
@@ -114,7 +114,7 @@ def spread(loads, normal, distance, force_2, torque_1, torque_2):
         torque_2[k] = loads[3 + k] + loads[6] * normal[k]
 
 
-@njit(cache=True)
+@compiled
 def turn_map(normal, distance, B):
     """Matrix (7, 12) of q = B (dx1, turn_1, dx2, turn_2); -B^T tangent B is the stiffness of the spheres' motion."""
     B[:] = 0.0
@@ -134,7 +134,7 @@ def turn_map(normal, distance, B):
         B[6, 9 + k] = normal[k]
 
 
-@njit(cache=True)
+@compiled
 def cut_back(spring, first, largest):
     """Cut the vector spring[first:first+3] back to the length `largest`; returns its length after over that before."""
     square = spring[first] ** 2 + spring[first + 1] ** 2 + spring[first + 2] ** 2
@@ -146,7 +146,7 @@ def cut_back(spring, first, largest):
     return share
 
 
-@njit(cache=True)
+@compiled
 def add_stiffness(tangent, row, column, stiffness, normal, limit):
     """Add stiffness (1 - n n) to a block (3, 3); a spring at its limit has none along itself, its unit vector `limit`."""
     for a in range(3):
@@ -155,7 +155,7 @@ def add_stiffness(tangent, row, column, stiffness, normal, limit):
             tangent[row + a, column + b] += stiffness * (across - limit[a] * limit[b])
 
 
-@njit(cache=True)
+@compiled
 def direction(spring, first, share, out):
     """Unit vector of spring[first:first+3] if it was cut back (share < 1), else zero."""
     square = spring[first] ** 2 + spring[first + 1] ** 2 + spring[first + 2] ** 2

@@ -16,8 +16,7 @@ from __future__ import annotations
 from math import inf
 from typing import Annotated, ClassVar, NamedTuple
 
-from numba import njit
-
+from mcdem.compilation import compiled
 from mcdem.effects.kinds import Companions, EffectTable, Resistance, require_contact
 from mcdem.effects.tangential import STUCK, TWISTS
 from mcdem.quantities.reduced_units import ReducedUnits
@@ -62,7 +61,7 @@ class TwistingKernel(NamedTuple):
     """2 F_adh or F_adh, ~ a_eff"""
 
 
-@njit(cache=True)
+@compiled
 def limit(radius, p):
     """Largest angle: (that without load, its growth per unit of compression)."""
     stiffness = p.stiffness * radius * radius
@@ -73,13 +72,13 @@ def limit(radius, p):
     return growth * p.cohesion * radius, growth
 
 
-@njit(cache=True)
+@compiled
 def limits(radius, p, out):
     """Its row of the limits (3, 2) of the springs of a contact."""
     out[2, 0], out[2, 1] = limit(radius, p)
 
 
-@njit(cache=True)
+@compiled
 def resist(turned, p, response):
     """Add the load and the stiffness of twisting; F_n > 0 is compression; returns TWISTS or STUCK."""
     carried, q, radius, normal_force = turned.carried, turned.q, turned.radius, turned.normal_force

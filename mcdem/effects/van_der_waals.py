@@ -15,9 +15,9 @@ from __future__ import annotations
 from math import pi
 from typing import Annotated, Any, ClassVar, NamedTuple
 
-from numba import njit
 from pydantic import Field, model_validator
 
+from mcdem.compilation import compiled
 from mcdem.effects.attraction import Attraction
 from mcdem.effects.kinds import Companions, PairForce
 from mcdem.quantities.reduced_units import ReducedUnits
@@ -79,7 +79,7 @@ class VanDerWaalsKernel(NamedTuple):
     """2 pi/lambda [1/length]; None without retardation"""
 
 
-@njit(cache=True)
+@compiled
 def retardation(distance, wavenumber):
     """(f, df/d distance) of the retardation function; exactly (1, 0) where `wavenumber` is None."""
     if wavenumber is None:
@@ -95,7 +95,7 @@ def retardation(distance, wavenumber):
     )
 
 
-@njit(cache=True)
+@compiled
 def force(h, radius, p):
     """Force (F, dF/dh) at gap `h` between spheres of harmonic mean radius `radius`; F > 0 repels.
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
-
+from mcdem.compilation import compiled
 from mcdem.hydrodynamics.level import Level, no_strain_load, no_two_body, single_stresslets
 
 
@@ -15,7 +14,7 @@ class FreeDraining(NamedTuple):
     lubrication: None = None
 
 
-@njit(cache=True)
+@compiled
 def resistance(level, work, radii):
     """Resistance of spheres without hydrodynamic interaction: Stokes' drag and torque, 1 and 4/3 for a sphere of radius a."""
     n = radii.shape[0]

@@ -17,9 +17,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 from numba.extending import overload
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.hydrodynamics import level as levels
 from mcdem.hydrodynamics.grand_mobility import five_tensor, tensor_to_five
 from mcdem.hydrodynamics.level import level_of
@@ -77,7 +78,7 @@ def nothing_frozen(n: int) -> FrozenFarField:
     )
 
 
-@njit(cache=True)
+@compiled
 def nearest_rotation(matrix):
     """Orthogonal polar factor of matrix (3, 3), in place, by scaled Newton iteration (Higham 1986)."""
     inverse = np.empty((3, 3))
@@ -106,7 +107,7 @@ def nearest_rotation(matrix):
             return
 
 
-@njit(cache=True)
+@separately_compiled()
 def follow_turns(kept, positions, labels, bodies):
     """Renew the rotation of every body since the far field was made, by the best fit of its spheres."""
     n = labels.shape[0]
@@ -145,7 +146,7 @@ def follow_turns(kept, positions, labels, bodies):
                 kept.turns[i] = fit
 
 
-@njit(cache=True)
+@separately_compiled(types.float64)
 def worst_change(kept, positions, radii):
     """Largest change of a separation beyond the turn of its bodies, over the gap plus one (mean) radius."""
     n = positions.shape[0]
@@ -167,7 +168,7 @@ def worst_change(kept, positions, radii):
     return np.sqrt(worst)
 
 
-@njit(cache=True)
+@separately_compiled(types.boolean)
 def still_good(kept, middle, radii, tolerance):
     """Rotate the frozen far field along, body by body or all together, whichever fits; whether it is within `tolerance`."""
     positions, labels, bodies, together = middle.positions, middle.labels, middle.bodies, kept.together
@@ -198,7 +199,7 @@ def turn_block(source, target, row, column, left, right, half):
             )
 
 
-@njit(cache=True)
+@separately_compiled()
 def turned_resistance(kept, work):
     """The frozen resistance, rotated, into `work.resistance`."""
     n = kept.positions.shape[0]
@@ -220,7 +221,7 @@ def turned(turn, vector, start, p):
     return turn[p, 0] * vector[start] + turn[p, 1] * vector[start + 1] + turn[p, 2] * vector[start + 2]
 
 
-@njit(cache=True)
+@compiled
 def turned_tensor(turn, source, out, back):
     """out = turn source turn^T, all (3, 3), or turn^T source turn if `back`."""
     for p in range(3):
@@ -235,7 +236,7 @@ def turned_tensor(turn, source, out, back):
             out[p, q] = total
 
 
-@njit(cache=True)
+@separately_compiled()
 def moments_as_rows(kept, moments, rows):
     """Stored moments (11N,), rotated along, into rows (12, N) of `mobility_product`."""
     n = kept.positions.shape[0]
@@ -251,7 +252,7 @@ def moments_as_rows(kept, moments, rows):
         rows[9, i], rows[10, i], rows[11, i] = tensor[0, 1], tensor[0, 2], tensor[1, 2]
 
 
-@njit(cache=True)
+@separately_compiled()
 def misfit(kept, strain, correct, out):
     """out (11N,) = rates of spheres held still in a strain (3, 3), less those in `kept.rates` if `correct`; in its frame."""
     n = kept.positions.shape[0]
@@ -282,7 +283,7 @@ def misfit(kept, strain, correct, out):
             out[8 * n + 3 * i + p] = drift
 
 
-@njit(cache=True)
+@separately_compiled()
 def apply_kept(kept, work, rates, strained):
     """Overwrite rates (11N,) by the moments B rates; strained : False if those of the stresslets are zero.
 
@@ -301,7 +302,7 @@ def apply_kept(kept, work, rates, strained):
     solve_lower(own, strains, True)
 
 
-@njit(cache=True)
+@separately_compiled()
 def hold_still(kept, work, radii, middle, strain, correct):
     """Moments of spheres held still in the strain (3, 3) into `kept.still`, and their strain_load into `work.strain_load`.
 
@@ -329,7 +330,7 @@ def hold_still(kept, work, radii, middle, strain, correct):
             work.strain_load[3 * (n + i) + p] = -turned(kept.turns[i], kept.still, 8 * n + 3 * i, p)
 
 
-@njit(cache=True)
+@separately_compiled()
 def learn(kept, work, angular, linear):
     """Keep the moments of the step taken, from angular and linear (3N,) relative to the flow, where `far_field` was formed."""
     n = kept.positions.shape[0]
@@ -353,14 +354,14 @@ def learn(kept, work, angular, linear):
     kept.known[0] = min(kept.known[0] + 1, 2)
 
 
-@njit(cache=True)
+@compiled
 def forget(kept):
     """Contacts have changed: the next far field is made anew, and earlier moments predict nothing."""
     kept.made[0] = False
     kept.known[0] = 0
 
 
-@njit(cache=True)
+@separately_compiled()
 def turn_moments(kept, moments):
     """Rotate moments (11N,) of the frozen frame into the present one."""
     n = kept.positions.shape[0]
@@ -376,7 +377,7 @@ def turn_moments(kept, moments):
         tensor_to_five(tensor, moments[5 * i : 5 * i + 5])
 
 
-@njit(cache=True)
+@separately_compiled()
 def keep(kept, work, positions):
     """Keep what `far_field_resistance` just made at `positions`."""
     n = positions.shape[0]
@@ -406,7 +407,7 @@ def _far_field(level, kept, work, radii, middle, flow, tolerance):
     raise NotImplementedError("compiled code only")
 
 
-@overload(_far_field)
+@overload(_far_field, inline="always")
 def _(level, kept, work, radii, middle, flow, tolerance):
     if level_of(level).stresslet_couplings:
         return lambda level, kept, work, radii, middle, flow, tolerance: frozen_or_new(
@@ -420,7 +421,7 @@ def _(level, kept, work, radii, middle, flow, tolerance):
     return new
 
 
-@njit(cache=True)
+@compiled
 def far_field(level, kept, work, radii, middle, flow, tolerance):
     """Resistance and strain_load without lubrication into `work`, frozen (`tolerance` > 0) or computed anew; 0 or an error code.
 
@@ -429,7 +430,7 @@ def far_field(level, kept, work, radii, middle, flow, tolerance):
     return _far_field(level, kept, work, radii, middle, flow, tolerance)
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def frozen_or_new(level, kept, work, radii, middle, flow, tolerance):
     """`far_field` of a level with stresslets."""
     if tolerance <= 0.0 or radii.shape[0] < PAYS_FROM:

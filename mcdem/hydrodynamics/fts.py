@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.hydrodynamics.grand_mobility import grand_mobility
 from mcdem.hydrodynamics.level import Level, no_two_body
 from mcdem.hydrodynamics.linear_algebra import (
@@ -31,7 +32,7 @@ class ForceTorqueStresslet(NamedTuple):
     lubrication: None = None
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def far_field_resistance(work, radii):
     """Far-field resistance Mhat^-1 into `work.resistance`, keeping the factor in `work.mobility`; 0 or an error code."""
     n = radii.shape[0]
@@ -44,7 +45,7 @@ def far_field_resistance(work, radii):
     return inverse_from_cholesky(work.resistance)
 
 
-@njit(cache=True)
+@separately_compiled()
 def far_field_strain_load(work, strain_five):
     """What a uniform strain (5,) exerts in the far field into `work.strain_load`, after `far_field_resistance`."""
     n = work.strain_load.shape[0] // 6
@@ -56,19 +57,19 @@ def far_field_strain_load(work, strain_five):
     solve_cholesky(work.mobility[5 * n :, 5 * n :], work.strain_load)
 
 
-@njit(cache=True)
+@compiled
 def resistance(level, work, radii):
     """Far-field resistance Mhat^-1 into `work.resistance`, keeping the factor in `work.mobility`; 0 or an error code."""
     return far_field_resistance(work, radii)
 
 
-@njit(cache=True)
+@compiled
 def strain_load(level, work, strain_five):
     """What a uniform strain (5,) exerts in the far field into `work.strain_load`, after `resistance`."""
     far_field_strain_load(work, strain_five)
 
 
-@njit(cache=True)
+@separately_compiled()
 def stresslets(level, work, radii, rates, strain_five, out):
     """Stresslets exerted on the fluid into out (N, 5), from rates (6N,) of spheres in a strain (5,).
 

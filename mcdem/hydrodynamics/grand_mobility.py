@@ -20,6 +20,8 @@ import math
 import numpy as np
 from numba import njit
 
+from mcdem.compilation import compiled, separately_compiled
+
 _SQRT2 = math.sqrt(2.0)
 _SQRT6 = math.sqrt(6.0)
 
@@ -35,7 +37,7 @@ def basis_contract(direction, rows):
     rows[4, 0], rows[4, 1], rows[4, 2] = 0.0, z / _SQRT2, y / _SQRT2
 
 
-@njit(cache=True)
+@compiled
 def tensor_to_five(tensor, out):
     """Components of a symmetric traceless tensor (3, 3) in the basis; out (5,)."""
     out[0] = (tensor[0, 0] - tensor[1, 1]) / _SQRT2
@@ -45,7 +47,7 @@ def tensor_to_five(tensor, out):
     out[4] = _SQRT2 * tensor[1, 2]
 
 
-@njit(cache=True)
+@compiled
 def five_tensor(components, tensor):
     """The symmetric traceless tensor of five components (5,) into tensor (3, 3)."""
     tensor[0, 0] = components[0] / _SQRT2 - components[1] / _SQRT6
@@ -69,7 +71,7 @@ def five_to_tensor(components: np.ndarray) -> np.ndarray:
     return tensor
 
 
-@njit(cache=True)
+@compiled
 def _place_cross(matrix, row, column, factor, d):
     """matrix[row + k, column + l] = factor eps_klm d_m, the map v -> factor v x d."""
     matrix[row, column], matrix[row, column + 1], matrix[row, column + 2] = 0.0, factor * d[2], -factor * d[1]
@@ -108,7 +110,7 @@ def _place_force_torque(matrix, torque, force, i, j, d, u, squares):
     _place_cross(matrix, force + 3 * j, torque + 3 * i, -yb, d)
 
 
-@njit(cache=True)
+@separately_compiled()
 def force_torque_mobility(directions, distances, radii, matrix):
     """Fill the lower triangle of the mobility (6N, 6N) of forces and torques alone, ordered (T | F); else as `grand_mobility`.
 
@@ -131,7 +133,7 @@ def force_torque_mobility(directions, distances, radii, matrix):
             _place_force_torque(matrix, 0, force, i, j, directions[i, j], u, a * a + b * b)
 
 
-@njit(cache=True)
+@separately_compiled()
 def grand_mobility(directions, distances, radii, matrix):
     """Fill the lower triangle of the grand mobility (11N, 11N).
 

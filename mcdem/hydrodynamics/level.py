@@ -12,8 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from numba import njit
 from numba.extending import overload
+
+from mcdem.compilation import compiled
 
 
 @dataclass(frozen=True)
@@ -45,23 +46,23 @@ class Level:
     lubrication: bool = False
 
 
-@njit(cache=True)
+@compiled
 def no_strain_load(level, work, strain_five):
     """Strain exerts nothing on spheres held still."""
     work.strain_load[:] = 0.0
 
 
-@njit(cache=True)
+@compiled
 def no_two_body(level, work, radii, strain):
     """Pairs have no two-body part."""
 
 
-@njit(cache=True)
+@compiled
 def no_two_body_of_strains(level, work, radii, strains, strain_loads):
     """Pairs have no two-body part."""
 
 
-@njit(cache=True)
+@compiled
 def single_stresslets(level, work, radii, rates, strain_five, out):
     """Stresslets of single spheres, -10/9 a^3 E exerted on the fluid, into out (N, 5)."""
     for i in range(radii.shape[0]):
@@ -86,13 +87,13 @@ def _resistance(level, work, radii):
     raise NotImplementedError("compiled code only")
 
 
-@overload(_resistance)
+@overload(_resistance, inline="always")
 def _(level, work, radii):
     own = level_of(level).resistance
     return lambda level, work, radii: own(level, work, radii)
 
 
-@njit(cache=True)
+@compiled
 def resistance(level, work, radii):
     """Resistance without the two-body part into `work.resistance`; 0 or an error code."""
     return _resistance(level, work, radii)
@@ -102,13 +103,13 @@ def _strain_load(level, work, strain_five):
     raise NotImplementedError("compiled code only")
 
 
-@overload(_strain_load)
+@overload(_strain_load, inline="always")
 def _(level, work, strain_five):
     own = level_of(level).strain_load
     return lambda level, work, strain_five: own(level, work, strain_five)
 
 
-@njit(cache=True)
+@compiled
 def strain_load(level, work, strain_five):
     """What a uniform strain (5,) exerts on spheres held still into `work.strain_load`, after `resistance`."""
     _strain_load(level, work, strain_five)
@@ -118,13 +119,13 @@ def _two_body(level, work, radii, strain):
     raise NotImplementedError("compiled code only")
 
 
-@overload(_two_body)
+@overload(_two_body, inline="always")
 def _(level, work, radii, strain):
     own = level_of(level).two_body
     return lambda level, work, radii, strain: own(level, work, radii, strain)
 
 
-@njit(cache=True)
+@compiled
 def two_body(level, work, radii, strain):
     """Add the two-body part of every pair to the resistance and to what a strain (3, 3) exerts."""
     _two_body(level, work, radii, strain)
@@ -134,13 +135,13 @@ def _two_body_of_strains(level, work, radii, strains, strain_loads):
     raise NotImplementedError("compiled code only")
 
 
-@overload(_two_body_of_strains)
+@overload(_two_body_of_strains, inline="always")
 def _(level, work, radii, strains, strain_loads):
     own = level_of(level).two_body_of_strains or no_two_body_of_strains
     return lambda level, work, radii, strains, strain_loads: own(level, work, radii, strains, strain_loads)
 
 
-@njit(cache=True)
+@compiled
 def two_body_of_strains(level, work, radii, strains, strain_loads):
     """Add the two-body part of every pair to the resistance and to the strain_loads (5, 6N) of five strains (5, 5)."""
     _two_body_of_strains(level, work, radii, strains, strain_loads)
@@ -150,7 +151,7 @@ def _stresslets(level, work, radii, rates, strain_five, out):
     raise NotImplementedError("compiled code only")
 
 
-@overload(_stresslets)
+@overload(_stresslets, inline="always")
 def _(level, work, radii, rates, strain_five, out):
     own = level_of(level).stresslets
     return lambda level, work, radii, rates, strain_five, out: own(
@@ -158,7 +159,7 @@ def _(level, work, radii, rates, strain_five, out):
     )
 
 
-@njit(cache=True)
+@compiled
 def stresslets(level, work, radii, rates, strain_five, out):
     """Stresslets exerted on the fluid into out (N, 5), from rates (6N,) of spheres in a strain (5,).
 
@@ -177,7 +178,7 @@ def _(level):
     return lambda level: coupled
 
 
-@njit(cache=True)
+@compiled
 def is_coupled(level):
     """Whether spheres interact through the fluid."""
     return _is_coupled(level)

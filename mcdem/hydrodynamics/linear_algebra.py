@@ -16,6 +16,8 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import get_cython_function_address, intrinsic
 
+from mcdem.compilation import compiled
+
 _BY_REFERENCE = {"c": ir.IntType(8), "i": ir.IntType(32), "d": ir.DoubleType(), "o": ir.IntType(32)}
 
 
@@ -73,19 +75,19 @@ def _row_stride(matrix):
     return matrix.strides[0] // 8
 
 
-@njit(cache=True)
+@compiled
 def cholesky(matrix):
     """Overwrite the lower triangle of `matrix` (n, n) by its Cholesky factor L; 0, or the failing row (1-based)."""
     return _dpotrf((_UPPER, matrix.shape[0], matrix.ctypes.data, _row_stride(matrix), 0))
 
 
-@njit(cache=True)
+@compiled
 def inverse_from_cholesky(factor):
     """Overwrite L (n, n) by the lower triangle of (L L^T)^-1; 0, or the zero pivot (1-based)."""
     return _dpotri((_UPPER, factor.shape[0], factor.ctypes.data, _row_stride(factor), 0))
 
 
-@njit(cache=True)
+@compiled
 def solve_lower(factor, vector, transposed):
     """Overwrite `vector` (n,) by L^-1 vector, or by L^-T vector."""
     operation = _NO if transposed else _YES
@@ -93,7 +95,7 @@ def solve_lower(factor, vector, transposed):
     _dtrsv((_UPPER, operation, _NO, n, factor.ctypes.data, stride, vector.ctypes.data, 1))
 
 
-@njit(cache=True)
+@compiled
 def solve_cholesky(factor, vector):
     """Overwrite `vector` (n,) by (L L^T)^-1 vector.
 
@@ -103,7 +105,7 @@ def solve_cholesky(factor, vector):
     solve_lower(factor, vector, True)
 
 
-@njit(cache=True)
+@compiled
 def solve_lower_from_right(factor, rows):
     """Overwrite `rows` (m, n) by rows L^-T, with L (n, n)."""
     n, m = factor.shape[0], rows.shape[0]
@@ -112,7 +114,7 @@ def solve_lower_from_right(factor, rows):
     _dtrsm((_LEFT, _UPPER, _YES, _NO, n, m, 1.0, matrix[0], matrix[1], right[0], right[1]))
 
 
-@njit(cache=True)
+@compiled
 def subtract_outer(matrix, rows):
     """matrix -= rows rows^T on the lower triangle; matrix (n, n), rows (n, k)."""
     n, k = rows.shape
@@ -120,7 +122,7 @@ def subtract_outer(matrix, rows):
     _dsyrk((_UPPER, _YES, n, k, -1.0, factor[0], factor[1], 1.0, target[0], target[1]))
 
 
-@njit(cache=True)
+@compiled
 def multiply_symmetric(matrix, vector, out):
     """out = matrix vector, reading the lower triangle of matrix (n, n)."""
     source, stride = matrix.ctypes.data, _row_stride(matrix)
@@ -128,7 +130,7 @@ def multiply_symmetric(matrix, vector, out):
     _dsymv((_UPPER, n, 1.0, source, stride, vector.ctypes.data, 1, 0.0, out.ctypes.data, 1))
 
 
-@njit(cache=True)
+@compiled
 def add_product(rows, vector, out, factor):
     """out += factor rows vector; rows (m, n)."""
     m, n = rows.shape
@@ -136,7 +138,7 @@ def add_product(rows, vector, out, factor):
     _dgemv((_YES, n, m, factor, source, stride, vector.ctypes.data, 1, 1.0, out.ctypes.data, 1))
 
 
-@njit(cache=True)
+@compiled
 def add_transposed_product(rows, vector, out, factor):
     """out += factor rows^T vector; rows (m, n)."""
     m, n = rows.shape

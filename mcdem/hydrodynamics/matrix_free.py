@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, gmres, splu
 from scipy.spatial import cKDTree
 
+from mcdem.compilation import compiled
 from mcdem.hydrodynamics.grand_mobility import five_to_tensor
 from mcdem.hydrodynamics.mobility_product import ANY_ORDER, sphere_rates
 from mcdem.hydrodynamics.two_sphere import lubrication
@@ -83,7 +84,7 @@ def mobility_product(
     return strains, rates[3:6].T, rates[:3].T
 
 
-@njit(cache=True)
+@compiled
 def near_blocks(positions, radii, pairs, level, strain, blocks, own, strain_load):
     """Two-body part of some pairs (B, 2), i > j.
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import types
 
+from mcdem.compilation import separately_compiled
 from mcdem.hydrodynamics.linear_algebra import (
     add_product,
     add_transposed_product,
@@ -52,7 +53,7 @@ def workspace(n: int) -> Work:
     )
 
 
-@njit(cache=True)
+@separately_compiled()
 def measure(positions, directions, distances):
     """Centre distances and unit vectors of all pairs i > j from positions (N, 3)."""
     n = positions.shape[0]
@@ -68,7 +69,7 @@ def measure(positions, directions, distances):
             directions[i, j, 2], directions[j, i, 2] = dz / r, -dz / r
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def eliminate_torques(resistance):
     """Free rotation: reduce R (6N) to the translational A (3N) in the trailing block (lower triangle); 0 or an error code.
 
@@ -83,7 +84,7 @@ def eliminate_torques(resistance):
     return 0
 
 
-@njit(cache=True)
+@separately_compiled()
 def reduce_strain_load(resistance, strain_load):
     """Reduce a strain_load (6N,) to that of torque-free spheres, in strain_load[3N:], after `eliminate_torques`."""
     m = resistance.shape[0] // 2
@@ -91,7 +92,7 @@ def reduce_strain_load(resistance, strain_load):
     add_product(resistance[m:, :m], strain_load[:m], strain_load[m:], -1.0)
 
 
-@njit(cache=True)
+@separately_compiled()
 def angular_velocities(resistance, strain_load, linear, angular):
     """omega - omega_inf (3N,) of torque-free spheres from u - u_inf (3N,), after `reduce_strain_load`."""
     m = resistance.shape[0] // 2

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
-
+from mcdem.compilation import compiled
 from mcdem.hydrodynamics.grand_mobility import force_torque_mobility
 from mcdem.hydrodynamics.level import Level, no_strain_load, no_two_body, single_stresslets
 from mcdem.hydrodynamics.linear_algebra import cholesky, inverse_from_cholesky
@@ -21,7 +20,7 @@ class RotnePrager(NamedTuple):
     lubrication: None = None
 
 
-@njit(cache=True)
+@compiled
 def resistance(level, work, radii):
     """Far-field resistance of forces and torques into `work.resistance`; 0 or an error code."""
     force_torque_mobility(work.directions, work.distances, radii, work.resistance)

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mcdem.compilation import separately_compiled
 from mcdem.hydrodynamics import fts
 from mcdem.hydrodynamics.grand_mobility import five_tensor
 from mcdem.hydrodynamics.level import Level
@@ -33,7 +33,7 @@ class StokesianDynamics(NamedTuple):
     bound as the cut-off falls below the overlap of a contact."""
 
 
-@njit(cache=True)
+@separately_compiled()
 def two_body(level, work, radii, strain):
     """Add the two-body part of every pair to the resistance and to what a strain (3, 3) exerts."""
     n = radii.shape[0]
@@ -48,7 +48,7 @@ def two_body(level, work, radii, strain):
             lubrication.add_pair_strain_load(work.scalars, i, j, d, strain, shift, work.strain_load)
 
 
-@njit(cache=True)
+@separately_compiled()
 def two_body_of_strains(level, work, radii, strains, strain_loads):
     """Add the two-body part of every pair to the resistance and to the strain_loads (5, 6N) of five strains (5, 5)."""
     tensor = np.empty((3, 3))
@@ -66,7 +66,7 @@ def two_body_of_strains(level, work, radii, strains, strain_loads):
                 lubrication.add_pair_strain_load(work.scalars, i, j, d, tensor, shift, strain_loads[k])
 
 
-@njit(cache=True)
+@separately_compiled()
 def stresslets(level, work, radii, rates, strain_five, out):
     """Stresslets exerted on the fluid into out (N, 5), as `fts.stresslets`, with those of lubrication."""
     fts.stresslets(level, work, radii, rates, strain_five, out)

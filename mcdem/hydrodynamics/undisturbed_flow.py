@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numba import njit
+
+from mcdem.compilation import compiled
 
 
 class UndisturbedFlow(NamedTuple):
@@ -18,7 +19,7 @@ class UndisturbedFlow(NamedTuple):
     centred: Literal[True] | None = None
 
 
-@njit(cache=True)
+@compiled
 def flow_component(gradient, positions, i, k):
     """Component k of the undisturbed velocity at sphere i of positions (N, 3)."""
     return (
@@ -26,14 +27,14 @@ def flow_component(gradient, positions, i, k):
     )
 
 
-@njit(cache=True)
+@compiled
 def spin_component(gradient, k):
     """Component k of the angular velocity of the undisturbed flow, half its vorticity."""
     a, b = (k + 1) % 3, (k + 2) % 3
     return 0.5 * (gradient[b, a] - gradient[a, b])
 
 
-@njit(cache=True)
+@compiled
 def velocities_of_flow(flow, positions, out):
     """Undisturbed velocities into out (3N,), relative to their mean where the flow is seen from it."""
     n = positions.shape[0]
@@ -43,7 +44,7 @@ def velocities_of_flow(flow, positions, out):
     stay_at_mean(out, flow.centred)
 
 
-@njit(cache=True)
+@compiled
 def stay_at_mean(velocities, centred):
     """Take their mean from the undisturbed velocities (3N,) where the (linear) flow is seen from the spheres' mean."""
     if centred is not None:

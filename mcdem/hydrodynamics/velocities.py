@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.hydrodynamics import level as levels
 from mcdem.hydrodynamics.linear_algebra import cholesky, solve_cholesky
 from mcdem.hydrodynamics.resistance import NOT_POSITIVE_DEFINITE, measure
 from mcdem.hydrodynamics.undisturbed_flow import flow_component, spin_component
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def solve_rates(level, work, positions, radii, flow, forces, torques):
     """Rates of free spheres relative to the flow, (omega | u) into `work.strain_load` (6N,); arguments as `solve_velocities`.
 
@@ -35,7 +36,7 @@ def solve_rates(level, work, positions, radii, flow, forces, torques):
     return 0
 
 
-@njit(cache=True)
+@compiled
 def solve_velocities(level, work, positions, radii, flow, forces, torques, stresslet):
     """Velocities of free spheres under given forces and torques; reduced units.
 

@@ -9,12 +9,13 @@ at a step of 0.1/g.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.integrators.rotations import rotation
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def label_bodies(bonded, labels):
     """Number the connected components of the contact network (N, N) into labels (N,); returns their count."""
     n = labels.shape[0]
@@ -39,7 +40,7 @@ def label_bodies(bonded, labels):
     return count
 
 
-@njit(cache=True)
+@compiled
 def centre_and_reach(positions, radii, labels, body, centre):
     """Centre (3,) of one body; returns its outer radius."""
     members = 0
@@ -61,7 +62,7 @@ def centre_and_reach(positions, radii, labels, body, centre):
     return reach
 
 
-@njit(cache=True)
+@compiled
 def mean_velocity(velocities, labels, body, out):
     """Mean velocity (3,) of one body."""
     members = 0
@@ -75,7 +76,7 @@ def mean_velocity(velocities, labels, body, out):
         out[k] /= members
 
 
-@njit(cache=True)
+@compiled
 def rigid_fit(positions, velocities, labels, body, fit):
     """Centre, mean velocity and least-squares angular velocity of one body into fit (3, 3)."""
     fit[:] = 0.0
@@ -118,7 +119,7 @@ def rigid_fit(positions, velocities, labels, body, fit):
     fit[2, 2] = (c02 * p + c12 * q + c22 * r) / determinant
 
 
-@njit(cache=True)
+@compiled
 def share_beyond(history, interval):
     """Time from the middle of the last step to that of the coming one, over that between the last two; 0 without an older one.
 
@@ -129,7 +130,7 @@ def share_beyond(history, interval):
     return (history.steps[0] + interval) / (history.steps[0] + history.steps[1])
 
 
-@njit(cache=True)
+@separately_compiled()
 def extrapolate(positions, history, labels, bodies, interval, out):
     """Positions (N, 3) after `interval`, every body turning as a whole.
 
@@ -186,7 +187,7 @@ def extrapolate(positions, history, labels, bodies, interval, out):
                 )
 
 
-@njit(cache=True)
+@compiled
 def residual_velocity(positions, velocities, i, fit):
     """Velocity of primary i less the rigid motion of its body."""
     x, y, z = positions[i, 0] - fit[0, 0], positions[i, 1] - fit[0, 1], positions[i, 2] - fit[0, 2]

@@ -16,8 +16,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.kinds import Response, Turned
 from mcdem.effects.sums import contact_force, contact_resistance, fixed_in_spheres
 from mcdem.effects.tangential import carry, relative_turns, spread, turn_map
@@ -48,7 +49,7 @@ class Pair(NamedTuple):
     torques: np.ndarray  # (2, 3)
 
 
-@njit(cache=True)
+@compiled
 def new_pair():
     """Work arrays."""
     return Pair(
@@ -91,7 +92,7 @@ def torque_work(n: int) -> TorqueWork:
     )
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def fill_driving(flow, work, torques):
     """R z_inf + strain_load + forces into torques.driving; returns 0."""
     hydro = work.hydrodynamics
@@ -111,7 +112,7 @@ def fill_driving(flow, work, torques):
     return 0
 
 
-@njit(cache=True)
+@compiled
 def spins(gradient, step, torques, out):
     """Angular velocities relative to the flow, out (3N,), over the step that was solved."""
     for i in range(torques.turns.shape[0]):
@@ -119,7 +120,7 @@ def spins(gradient, step, torques, out):
             out[3 * i + k] = torques.turns[i, k] / step - spin_component(gradient, k)
 
 
-@njit(cache=True)
+@separately_compiled(types.float64)
 def resist(motion, work, i, j, normal_force, linear, resistances):
     """Springs, loads and stiffness of the contact of i and j < i after the motion to work.end; returns |r| in the middle.
 
@@ -158,7 +159,7 @@ def resist(motion, work, i, j, normal_force, linear, resistances):
     return distance
 
 
-@njit(cache=True)
+@compiled
 def place_of(local, i, j, n):
     """Row of (rotations | displacements) for one of twelve coordinates (dx1, turn_1, dx2, turn_2) of a pair, 1 = j and 2 = i."""
     sphere = j if local < 6 else i
@@ -166,7 +167,7 @@ def place_of(local, i, j, n):
     return 3 * sphere + k if part == 1 else 3 * (n + sphere) + k
 
 
-@njit(cache=True)
+@separately_compiled()
 def add_resistance_stiffness(matrix, tangent, map_, i, j, n):
     """matrix (6N, 6N) += B^T tangent B of one pair, lower triangle."""
     for p in range(12):
@@ -183,7 +184,7 @@ def add_resistance_stiffness(matrix, tangent, map_, i, j, n):
             matrix[row, column] += total
 
 
-@njit(cache=True)
+@compiled
 def add_normal_stiffness(matrix, slope, turning, normal, i, j, n):
     """The same for the normal force, as `implicit.add_stiffness`; i > j."""
     m = 3 * n
@@ -198,7 +199,7 @@ def add_normal_stiffness(matrix, slope, turning, normal, i, j, n):
                 matrix[m + 3 * j + k, m + 3 * j + l] += value
 
 
-@njit(cache=True)
+@compiled
 def add_loads(residual, normal, distance, i, j, n, pair):
     """residual (6N,) += what the loads of one pair exert on its spheres."""
     m = 3 * n
@@ -210,7 +211,7 @@ def add_loads(residual, normal, distance, i, j, n, pair):
         residual[m + 3 * j + k] -= pair.force[k]
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def solve(motion, contacts, gaps, step, physics, work):
     """Newton for the positions at the end of the step and the turns, from the guess in work.end; 0 or NOT_CONVERGED."""
     torques, positions = work.torques, motion.positions
@@ -264,7 +265,7 @@ def solve(motion, contacts, gaps, step, physics, work):
     return NOT_CONVERGED
 
 
-@njit(cache=True)
+@separately_compiled()
 def keep_springs(motion, contacts, physics, work):
     """Histories of the contacts at the end of the step that leads from the positions of `motion` to work.end."""
     pair, radii = work.torques.pair, motion.radii

@@ -14,8 +14,9 @@ from __future__ import annotations
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.sums import contact_force, contact_pull_off_gap
 from mcdem.hydrodynamics.resistance import Work, measure, workspace
 from mcdem.hydrodynamics.undisturbed_flow import flow_component
@@ -84,7 +85,7 @@ def scratch(n: int, resisting: bool) -> Scratch:
     return Scratch(workspace(n), np.empty((n, 3)), np.zeros((n, 3)), np.empty(n, np.int64))
 
 
-@njit(cache=True)
+@compiled
 def eq20_step(motion, velocities, gaps, options):
     """Step length by Eq. 20."""
     step = options.base_step
@@ -103,10 +104,10 @@ def eq20_step(motion, velocities, gaps, options):
     return step
 
 
-@njit(cache=True, inline="always")
+@separately_compiled(types.int64)
 def advance(group, flow, physics, options, log, end_time):
     """One explicit step.  Returns DONE or an error code."""
-    motion, _, gaps, work = group
+    motion, gaps, work = group.motion, group.gaps, group.work
     n, radii, hydro = motion.radii.shape[0], motion.radii, work.hydrodynamics
     measure(motion.positions, hydro.directions, hydro.distances)
     work.forces[:] = 0.0

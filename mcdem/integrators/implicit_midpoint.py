@@ -24,8 +24,9 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.sums import contact_force
 from mcdem.hydrodynamics import frozen_far_field
 from mcdem.hydrodynamics.level import two_body
@@ -158,7 +159,7 @@ def build(keys: Keys, scales: Scales) -> ImplicitMidpoint:
     )
 
 
-@njit(cache=True)
+@compiled
 def drive_at_middle(motion, flow, physics, middle, tolerance, work):
     """Resistance of the spheres and all loads on them but those of contacts; 0 or an error code."""
     hydro = work.hydrodynamics
@@ -171,7 +172,7 @@ def drive_at_middle(motion, flow, physics, middle, tolerance, work):
     return drive_spheres(flow, work, work.torques)
 
 
-@njit(cache=True)
+@compiled
 def drive_spheres(flow, work, torques):
     """Loads on the spheres, torque-free ones or ones that rotate against the torques of their contacts."""
     if torques is not None:
@@ -179,7 +180,7 @@ def drive_spheres(flow, work, torques):
     return drive_torque_free(flow, work)
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def drive_torque_free(flow, work):
     """Reduce the resistance to A of torque-free spheres; the loads on them into work.driving; 0 or an error code."""
     hydro = work.hydrodynamics
@@ -197,7 +198,7 @@ def drive_torque_free(flow, work):
     return 0
 
 
-@njit(cache=True)
+@separately_compiled()
 def learn_moments(motion, flow, step, work, torques):
     """Update the frozen far field by the step that was taken; torques : work arrays or None."""
     if not work.kept.made[0]:
@@ -214,7 +215,7 @@ def learn_moments(motion, flow, step, work, torques):
     frozen_far_field.learn(work.kept, hydro, spin, work.move)
 
 
-@njit(cache=True)
+@compiled
 def solve_step(motion, contacts, gaps, step, physics, work, springs):
     """Newton for the positions at the end of the step, from the guess in work.end; 0 or NOT_CONVERGED."""
     if springs is not None:
@@ -222,14 +223,14 @@ def solve_step(motion, contacts, gaps, step, physics, work, springs):
     return solve_contacts(motion, contacts, gaps, step, physics.contact, work)
 
 
-@njit(cache=True)
+@compiled
 def keep_springs(motion, contacts, physics, work, springs):
     """The histories of contacts at the end of an accepted step."""
     if springs is not None:
         contact_torques.keep_springs(motion, contacts, physics, work)
 
 
-@njit(cache=True, inline="always")
+@separately_compiled(types.int64)
 def advance(group, flow, physics, options, log, end_time):
     """One accepted step.  Returns DONE or an error code."""
     bodies = label_bodies(group.motion.bonded, group.work.labels)
@@ -240,7 +241,7 @@ def advance(group, flow, physics, options, log, end_time):
 @njit(cache=True, inline="always")
 def attempt(group, flow, physics, options, log, bodies, step):
     """Try steps from `step` downwards until one is accepted."""
-    motion, history, gaps, work = group
+    motion, history, gaps, work = group.motion, group.history, group.gaps, group.work
     radii, n, contact = motion.radii, motion.radii.shape[0], physics.contact
     while True:
         if step < SMALLEST_STEP:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.sums import contact_equilibrium, contact_force, contact_pull_off_gap
 from mcdem.hydrodynamics.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
 from mcdem.integrators.state import NOT_CONVERGED, harmonic_radius
@@ -16,13 +17,13 @@ MOST_ITERATIONS = 48
 ANEW = 16
 
 
-@njit(cache=True)
+@compiled
 def starts_anew(iteration):
     """Whether an iteration takes contacts as linear springs about equilibrium."""
     return iteration == ANEW or iteration == ANEW + 1
 
 
-@njit(cache=True)
+@compiled
 def contact_tangent(motion, end, gaps, i, j, iteration, contact, normal):
     """The force of a contact at the end of a step and how Newton's method takes it; fills its direction `normal` (3,).
 
@@ -57,7 +58,7 @@ def contact_tangent(motion, end, gaps, i, j, iteration, contact, normal):
     return force, slope, max(-force, 0.0) / (old + new), stiffness
 
 
-@njit(cache=True)
+@separately_compiled()
 def add_stiffness(matrix, step, contacts, work):
     """Jacobian of the contact problem: resistance over the step plus the contacts' stiffness (slopes, turnings)."""
     jacobian = work.jacobian
@@ -78,7 +79,7 @@ def add_stiffness(matrix, step, contacts, work):
                     jacobian[3 * j + k, 3 * j + l] += value
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def solve_contacts(motion, contacts, gaps, step, contact, work):
     """Newton for the positions at the end of the step, from the guess in work.end; 0 or NOT_CONVERGED.
 
@@ -142,7 +143,7 @@ def solve_contacts(motion, contacts, gaps, step, contact, work):
     return NOT_CONVERGED
 
 
-@njit(cache=True)
+@compiled
 def largest(values):
     """Largest size of a component; not a number if one is none."""
     found = 0.0
@@ -159,7 +160,7 @@ def log_iterations(work):
     work.iterations[0] += 1
 
 
-@njit(cache=True)
+@separately_compiled(types.Tuple((types.int64, types.float64)))
 def worst_overstretch(contacts, radii, contact, work):
     """(index, excess over its pull-off gap) of the contact stretched furthest beyond it; (-1, 0) if none is."""
     worst, excess = -1, 0.0
@@ -172,7 +173,7 @@ def worst_overstretch(contacts, radii, contact, work):
     return worst, excess
 
 
-@njit(cache=True)
+@compiled
 def put_last(pairs, which, count):
     """Move one of the first `count` pairs (B, 2) behind the others, whose order stays; returns how many these are."""
     i, j = pairs[which, 0], pairs[which, 1]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.sums import non_contact_force
 from mcdem.integrators.state import harmonic_radius, note_contact_made
 
@@ -13,7 +14,7 @@ from mcdem.integrators.state import harmonic_radius, note_contact_made
 FORCE_RANGE = 1.0
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def list_contacts(bonded, pairs):
     """Contacts i > j of (N, N) into pairs (B, 2); returns their count."""
     count = 0
@@ -25,7 +26,7 @@ def list_contacts(bonded, pairs):
     return count
 
 
-@njit(cache=True)
+@separately_compiled()
 def find_gaps(positions, radii, gaps):
     """Surface gaps of all pairs into gaps (N, N)."""
     for i in range(radii.shape[0]):
@@ -36,7 +37,7 @@ def find_gaps(positions, radii, gaps):
             gaps[i, j] = gaps[j, i] = np.sqrt(r) - radii[i] - radii[j]
 
 
-@njit(cache=True)
+@compiled
 def approach_speed(positions, velocities, i, j):
     """(rate of change of the centre distance, relative speed) of a pair."""
     distance = along = speed = 0.0
@@ -49,7 +50,7 @@ def approach_speed(positions, velocities, i, j):
     return along / np.sqrt(distance), np.sqrt(speed)
 
 
-@njit(cache=True)
+@compiled
 def add_pair_force(forces, i, j, direction, value):
     """Add a force of size `value` > 0 pushing i and j apart; direction (3,) from j to i."""
     for k in range(3):
@@ -57,7 +58,7 @@ def add_pair_force(forces, i, j, direction, value):
         forces[j, k] -= value * direction[k]
 
 
-@njit(cache=True)
+@separately_compiled()
 def add_non_contact_forces(forces, directions, gaps, motion, pair_forces):
     """Add the forces of all pairs not in contact; directions (N, N, 3), gaps (N, N) for i > j."""
     bonded, radii = motion.bonded, motion.radii
@@ -69,7 +70,7 @@ def add_non_contact_forces(forces, directions, gaps, motion, pair_forces):
                 add_pair_force(forces, i, j, directions[i, j], value)
 
 
-@njit(cache=True)
+@compiled
 def make_contact(motion, log, gaps, i, j, now, contact):
     """A pair that meets at h <= 0 is in contact from then on, where the scene has contacts; True if it now is."""
     if gaps[i, j] > 0.0 or motion.bonded[i, j]:

@@ -27,8 +27,9 @@ in simple shear (A/3) sqrt(x^2 + y^2) + B z^2/(6 y), and is bounded too.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.integrators.bodies import centre_and_reach, mean_velocity
 from mcdem.integrators.pairs import FORCE_RANGE
 
@@ -36,7 +37,7 @@ STRAY = 0.01
 """Largest stray of what goes on alone, in outer radii of the larger body."""
 
 
-@njit(cache=True)
+@compiled
 def across(first, second):
     """|first x second| of two vectors (3,)."""
     a = first[1] * second[2] - first[2] * second[1]
@@ -45,7 +46,7 @@ def across(first, second):
     return np.sqrt(a * a + b * b + c * c)
 
 
-@njit(cache=True)
+@separately_compiled(types.boolean)
 def surely_apart(separation, velocity, gradient, reach_a, reach_b, factor):
     """Whether two bodies at `separation` (3,), which changes by `velocity` (3,), are further than `factor` (R_a + R_b) apart and
     never turn back.
@@ -85,7 +86,7 @@ def surely_apart(separation, velocity, gradient, reach_a, reach_b, factor):
     return stray < STRAY * max(reach_a, reach_b)
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def label_groups(motion, labels, bodies, gradient, factor, groups):
     """Number the groups of bodies of which any two are surely apart, into `groups` (N,) by primary; returns their count.
 

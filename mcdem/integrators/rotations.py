@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from mcdem.compilation import compiled
 from mcdem.hydrodynamics.grand_mobility import tensor_to_five
 
 
-@njit(cache=True)
+@compiled
 def rotation(vector, matrix):
     """Rotation matrix (3, 3) by the angle |vector| about vector (3,) (Rodrigues)."""
     angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
@@ -23,7 +23,7 @@ def rotation(vector, matrix):
     matrix[1, 2], matrix[2, 1] = versine * y * z - sine * x, versine * y * z + sine * x
 
 
-@njit(cache=True)
+@compiled
 def multiply(a, b, out):
     """out = a b for (3, 3)."""
     for p in range(3):
@@ -31,7 +31,7 @@ def multiply(a, b, out):
             out[p, q] = a[p, 0] * b[0, q] + a[p, 1] * b[1, q] + a[p, 2] * b[2, q]
 
 
-@njit(cache=True)
+@compiled
 def turn_back(matrix, tensor, five):
     """Components (5,) of Q^T tensor Q, with Q = matrix (3, 3)."""
     half, turned = np.empty((3, 3)), np.empty((3, 3))

@@ -66,7 +66,7 @@ def advance(group, flow, physics, options, log, end):
     raise NotImplementedError("compiled code only")
 
 
-@overload(advance)
+@overload(advance, inline="always")
 def _(group, flow, physics, options, log, end):
     own = _SCHEME_OF[options.instance_class].advance
     return lambda group, flow, physics, options, log, end: own(group, flow, physics, options, log, end)

@@ -8,7 +8,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+
+from mcdem.compilation import compiled, separately_compiled
 
 DONE = 0
 PARTED = -1  # bodies recede from each other for good
@@ -90,13 +91,13 @@ def new_log() -> Log:
     )
 
 
-@njit(cache=True)
+@compiled
 def harmonic_radius(a, b):
     """Harmonic mean of two radii, 2ab/(a + b)."""
     return a if a == b else 2.0 * a * b / (a + b)
 
 
-@njit(cache=True)
+@compiled
 def relax_springs(springs, i, j):
     """A contact that is made or lost has no history."""
     if springs is not None:
@@ -104,7 +105,7 @@ def relax_springs(springs, i, j):
         springs[j, i] = 0.0
 
 
-@njit(cache=True)
+@compiled
 def note_contact_made(motion, log, i, j, time):
     """Note a contact that was just made."""
     motion.bonded[i, j] = motion.bonded[j, i] = True
@@ -115,7 +116,7 @@ def note_contact_made(motion, log, i, j, time):
         log.first_contact[0] = time
 
 
-@njit(cache=True)
+@compiled
 def note_contact_lost(motion, log, i, j, time):
     """Note a contact that was just lost."""
     motion.bonded[i, j] = motion.bonded[j, i] = False
@@ -130,7 +131,7 @@ def note_contact_lost(motion, log, i, j, time):
 SETTLING_TIME = 0.1
 
 
-@njit(cache=True)
+@compiled
 def note_tension(motion, log, i, j, tension, time):
     """Note the tension of a contact that had time to settle."""
     if time >= motion.born[i, j] + SETTLING_TIME:
@@ -146,7 +147,7 @@ def new_history(motion: Motion) -> History:
     return history
 
 
-@njit(cache=True)
+@separately_compiled()
 def remember(history, motion, before, gaps, step):
     """Push the step that led from positions `before` and `gaps` to those of `motion`."""
     history.steps[1] = history.steps[0]
@@ -162,7 +163,7 @@ def remember(history, motion, before, gaps, step):
             history.gaps[0, i, j] = gaps[i, j]
 
 
-@njit(cache=True)
+@compiled
 def forget_older(history):
     """After a contact was made or lost the motion has a kink: extrapolate from the last step alone."""
     history.steps[1] = 0.0

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from numba import njit
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.sums import contact_gap
 from mcdem.hydrodynamics.resistance import measure
 from mcdem.integrators.bodies import extrapolate
@@ -18,7 +19,7 @@ SETTLING = 1.0
 FIRST = 0.3
 
 
-@njit(cache=True)
+@compiled
 def allowed_step(motion, labels, gaps, options):
     """Longest step that resolves the gaps of pairs not in contact, from the last velocities."""
     step = options.max_step
@@ -38,7 +39,7 @@ def allowed_step(motion, labels, gaps, options):
     return step
 
 
-@njit(cache=True)
+@compiled
 def gap_rate(motion, history, gaps, step, i, j):
     """Rate of change of a gap at a quarter of the coming step, from the gaps of the last two steps."""
     if history.steps[0] == 0.0:
@@ -52,10 +53,10 @@ def gap_rate(motion, history, gaps, step, i, j):
     return last + share * (last - older)
 
 
-@njit(cache=True)
+@separately_compiled()
 def middle_geometry(group, bodies, step, options):
     """Positions, directions, distances and gaps at the extrapolated midpoint."""
-    motion, history, gaps, work = group
+    motion, history, gaps, work = group.motion, group.history, group.gaps, group.work
     hydro = work.hydrodynamics
     extrapolate(motion.positions, history, work.labels, bodies, 0.5 * step, work.middle)
     measure(work.middle, hydro.directions, hydro.distances)
@@ -72,10 +73,10 @@ def middle_geometry(group, bodies, step, options):
             work.gaps[i, j] = work.gaps[j, i] = hydro.distances[i, j] - touching
 
 
-@njit(cache=True)
+@separately_compiled(types.float64)
 def first_try(group, options, log, end_time):
     """Length of the step that is tried first."""
-    motion, history, gaps, work = group
+    motion, history, gaps, work = group.motion, group.history, group.gaps, group.work
     step = allowed_step(motion, work.labels, gaps, options)
     # Not a number, so no comparison holds, until a contact changes.
     if log.time[0] - log.last_bond_change[0] < SETTLING:
@@ -90,10 +91,10 @@ def first_try(group, options, log, end_time):
     return min(step, max(end_time - log.time[0], 1e-12))
 
 
-@njit(cache=True)
+@separately_compiled(types.boolean)
 def too_far(group, options, contact):
     """Whether a step to `work.end_gaps` changes a gap by more than it resolves, or makes a contact too deep."""
-    motion, _, gaps, work = group
+    motion, gaps, work = group.motion, group.gaps, group.work
     radii = motion.radii
     reject = False
     for i in range(radii.shape[0]):

@@ -10,8 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import types
 
+from mcdem.compilation import separately_compiled
 from mcdem.integrators.bodies import label_bodies
 from mcdem.integrators.parting import label_groups
 from mcdem.integrators.scheme import advance
@@ -44,7 +45,7 @@ class Bounds(NamedTuple):
     most_steps: int  # number of steps after which it is TOO_MANY_STEPS
 
 
-@njit(cache=True)
+@separately_compiled(types.int64)
 def follow_steps(group, flow, physics, options, log, watch, bounds):
     """Follow some primaries together by the steps of a scheme; log.time is their time.
 

@@ -20,8 +20,8 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 
+from mcdem.compilation import compiled
 from mcdem.monte_carlo.executors import result_of, submit
 from mcdem.monte_carlo.population import surviving, unless_same
 
@@ -43,7 +43,7 @@ UNTOUCHED, BEGUN, PASSED = 0, 1, 2
 aggregates are there afterwards, as known."""
 
 
-@njit(cache=True)
+@compiled
 def ready(
     first: NDArray[np.int64], second: NDArray[np.int64], status: NDArray[np.int8], places: int
 ) -> NDArray[np.bool_]:

@@ -33,11 +33,9 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
+import scipy
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
-from scipy.integrate import quad
-from scipy.linalg import expm
-from scipy.optimize import brentq
 
 from mcdem.errors import UserError
 from mcdem.quantities.toml_tables import FROM_THE_OTHERS, Table, quantity_at
@@ -203,7 +201,9 @@ def inflow_of(strains: NDArray[np.float64]) -> float:
 
     # n.E n changes its sign at these heights along the two meridians of the other axes.
     kinks = [math.sqrt(e / (e - third)) for e in (first, second) if e * third < 0.0]
-    value, _ = quad(over_azimuth, 0.0, 1.0, points=sorted(kinks) or None, epsabs=1e-12, limit=200)
+    value, _ = scipy.integrate.quad(
+        over_azimuth, 0.0, 1.0, points=sorted(kinks) or None, epsabs=1e-12, limit=200
+    )
     return 2.0 * value
 
 
@@ -301,7 +301,7 @@ def upstream(
     scaled = entry / size
 
     def position(strain: float) -> NDArray[np.float64]:
-        return np.asarray(expm(strain * G) @ scaled)
+        return np.asarray(scipy.linalg.expm(strain * G) @ scaled)
 
     def beyond(strain: float) -> float:
         return float(np.linalg.norm(position(-strain))) - distance / size
@@ -313,8 +313,8 @@ def upstream(
     ends = [_bracket(beyond), _bracket(receding)]
     if beyond(ends[0]) < 0.0 or receding(ends[1]) < 0.0:
         return size * position(-ends[0]), math.inf
-    started = brentq(beyond, 0.0, ends[0], xtol=1e-12)
-    nearest = brentq(receding, 0.0, ends[1], xtol=1e-12) if receding(0.0) < 0.0 else 0.0
+    started = scipy.optimize.brentq(beyond, 0.0, ends[0], xtol=1e-12)
+    nearest = scipy.optimize.brentq(receding, 0.0, ends[1], xtol=1e-12) if receding(0.0) < 0.0 else 0.0
     return size * position(-started), float(started + nearest)
 
 

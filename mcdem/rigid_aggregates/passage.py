@@ -12,8 +12,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.hydrodynamics.grand_mobility import five_tensor
 from mcdem.hydrodynamics.undisturbed_flow import spin_component
 from mcdem.integrators.parting import surely_apart
@@ -21,7 +22,7 @@ from mcdem.integrators.rotations import multiply, rotation, turn_back
 from mcdem.rigid_aggregates.statics import RigidBody, present_load
 
 
-@njit(cache=True)
+@compiled
 def add_disturbance(stresslet, separation, size, gradient, velocity):
     """Add the field of a stresslet (3, 3) at `separation` (3,) from it: velocity (3,) and gradient (3, 3), du_i/dx_k.
 
@@ -45,7 +46,7 @@ def add_disturbance(stresslet, separation, size, gradient, velocity):
             )
 
 
-@njit(cache=True)
+@compiled
 def exerted(body, matrix, strain, stresslet):
     """Stresslet (3, 3), in the laboratory, of a body turned by matrix in a strain (3, 3); returns its present loads."""
     seen, five = np.empty(5), np.zeros(5)
@@ -67,7 +68,7 @@ def exerted(body, matrix, strain, stresslet):
     return present_load(body, seen)
 
 
-@njit(cache=True)
+@compiled
 def body_rates(body, matrix, centre, gradient, disturbance, carried, velocity, spin):
     """Velocity and angular velocity (3,) of a body in the flow, a disturbance (3, 3) of its gradient, and one of its velocity."""
     total, strain = np.empty((3, 3)), np.empty((3, 3))
@@ -94,7 +95,7 @@ def body_rates(body, matrix, centre, gradient, disturbance, carried, velocity, s
             velocity[k] += matrix[k, c] * own_drift
 
 
-@njit(cache=True)
+@separately_compiled(types.UniTuple(types.float64, 2))
 def pair_rates(first, second, turns, centres, gradient, strain, velocities, spins):
     """Rates of both bodies with one reflection of their stresslets; returns the larger present loads (`present_load`)."""
     stresslets = np.empty((2, 3, 3))
@@ -146,7 +147,7 @@ class Limits(NamedTuple):
     load: float  # share of its strength that a contact may bear
 
 
-@njit(cache=True)
+@compiled
 def rates_of(pair, flow, velocities, spins):
     """`pair_rates` of two bodies where they are."""
     return pair_rates(
@@ -154,7 +155,7 @@ def rates_of(pair, flow, velocities, spins):
     )
 
 
-@njit(cache=True)
+@separately_compiled()
 def step_together(pair, flow, velocities, spins, step):
     """Carry two bodies over one step by the midpoint rule; the rates given are those at its start."""
     turns, centres = pair.turns, pair.centres
@@ -174,7 +175,7 @@ def step_together(pair, flow, velocities, spins, step):
             centres[which, k] += step * velocities[which, k]
 
 
-@njit(cache=True)
+@compiled
 def closing_speed(centres, velocities):
     """(distance of the centres, rate at which it falls)."""
     distance = closing = 0.0
@@ -186,7 +187,7 @@ def closing_speed(centres, velocities):
     return distance, closing / distance
 
 
-@njit(cache=True)
+@separately_compiled(types.UniTuple(types.float64, 2))
 def approach(pair, flow, near, limits):
     """Bring two rigid bodies together until their centres are `near` apart; returns (time passed, largest tension over strength).
 
@@ -209,10 +210,10 @@ def approach(pair, flow, near, limits):
     return elapsed, largest
 
 
-@njit(cache=True)
+@separately_compiled(types.float64)
 def smallest_gap(pair, radii_first, radii_second):
     """Smallest gap between a primary of one body and one of the other."""
-    first, second, turns, centres = pair
+    first, second, turns, centres = pair.first, pair.second, pair.turns, pair.centres
     places = np.empty((first.positions.shape[0], 3))
     for i in range(places.shape[0]):
         for k in range(3):
@@ -244,7 +245,7 @@ class Passing(NamedTuple):
     apart: float  # distance over the sum of the outer radii from which they may be surely apart (`parting`)
 
 
-@njit(cache=True)
+@separately_compiled(types.Tuple((types.boolean, types.float64, types.float64, types.float64)))
 def pass_by(pair, flow, passing, limits):
     """Let two rigid bodies pass each other; (whether they surely miss, time passed, largest tension over strength, smallest gap).
 

@@ -15,8 +15,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.sums import (
     contact_equilibrium,
     contact_force,
@@ -56,7 +57,14 @@ class RigidBody(NamedTuple):
     squared_radius: float  # of the sphere with the same radius of gyration
 
 
-@njit(cache=True)
+_VECTOR, _MATRIX = types.float64[::1], types.float64[:, ::1]
+BODY = types.NamedTuple(
+    (_MATRIX, _MATRIX, _MATRIX, _MATRIX, types.int64, _VECTOR, _MATRIX, _VECTOR, types.float64), RigidBody
+)
+"""Type of a `RigidBody` in compiled code."""
+
+
+@compiled
 def sorted_eigenvalues(c):
     """Eigenvalues, largest first, of the symmetric traceless tensor with five components c."""
     a = np.empty((3, 3))
@@ -78,7 +86,7 @@ def sorted_eigenvalues(c):
     return largest, -largest - smallest, smallest
 
 
-@njit(cache=True)
+@compiled
 def worst_load(body, strain_five):
     """Largest ratio, over contacts and orientations, of load to strength."""
     e1, e2, e3 = sorted_eigenvalues(strain_five)
@@ -89,7 +97,7 @@ def worst_load(body, strain_five):
     return worst
 
 
-@njit(cache=True)
+@compiled
 def squared_radius(positions, radii):
     """Squared radius of the sphere with the radius of gyration of a body, (5/3) R_g^2, from positions (P, 3) about its centre."""
     volume = second = own = 0.0
@@ -102,7 +110,7 @@ def squared_radius(positions, radii):
     return own / volume + 5.0 / 3.0 * second / volume
 
 
-@njit(cache=True)
+@compiled
 def empty_body(n):
     """A body with no contacts."""
     return RigidBody(
@@ -118,7 +126,7 @@ def empty_body(n):
     )
 
 
-@njit(cache=True)
+@compiled
 def of_sphere(radius):
     """The body of one sphere: no contacts, and the stresslet -10/9 a^3 E of a sphere by itself."""
     b = empty_body(1)
@@ -127,7 +135,7 @@ def of_sphere(radius):
     return RigidBody(b.positions, b.spin, b.drift, b.stresslet, 0, b.rest, b.response, b.strength, radius**2)
 
 
-@njit(cache=True)
+@separately_compiled(types.boolean)
 def network_stiffness(positions, directions, pairs, slopes, count, stiffness):
     """Stiffness (3P, 3P) of the contact network with its rigid motions stiffened, factorised; True if it is rigid."""
     n = positions.shape[0]
@@ -175,7 +183,7 @@ class RigidMotions(NamedTuple):
     grand: np.ndarray  # (6, 6) their resistance, factorised
 
 
-@njit(cache=True)
+@separately_compiled(types.Tuple((types.int64, BODY)))
 def analyse(work, positions, bonded, radii, physics):
     """(RIGID, FLOPPY or FAILED, body) of one connected aggregate; positions (P, 3) about its centre, reduced units.
 
@@ -260,7 +268,7 @@ def analyse(work, positions, bonded, radii, physics):
     )
 
 
-@njit(cache=True)
+@compiled
 def count_contacts(bonded):
     """Number of contacts of (N, N)."""
     count = 0
@@ -271,7 +279,7 @@ def count_contacts(bonded):
     return count
 
 
-@njit(cache=True)
+@compiled
 def linear_contact(gap, radius, contact):
     """(force, stiffness) of a contact at its gap; the stiffness is floored as in `newton.contact_tangent`."""
     force, slope = contact_force(gap, radius, contact)
@@ -279,7 +287,7 @@ def linear_contact(gap, radius, contact):
     return force, max(-slope, 0.02 * stiffness)
 
 
-@njit(cache=True)
+@separately_compiled()
 def loads_of_strains(level, work, radii, unit, strain_loads):
     """What the strains `unit` (5, 5) strain_load, into strain_loads (5, 6N); lubrication goes into the resistance as well."""
     for k in range(5):
@@ -288,7 +296,7 @@ def loads_of_strains(level, work, radii, unit, strain_loads):
     levels.two_body_of_strains(level, work, radii, unit, strain_loads)
 
 
-@njit(cache=True)
+@separately_compiled(types.float64[:, ::1])
 def pull_of_modes(matrix, modes):
     """Forces (6, m) that the fluid makes of each of the rigid motions `modes` (6, m)."""
     pulled = np.zeros(modes.shape)
@@ -297,7 +305,7 @@ def pull_of_modes(matrix, modes):
     return pulled
 
 
-@njit(cache=True)
+@separately_compiled()
 def move_as_body(matrix, positions, rigid, strain_load, strain_five, motion, relative, load):
     """Rigid motion (6,), translation then rotation, of a force-free body in a strain (5,), into `motion`.
 
@@ -306,7 +314,7 @@ def move_as_body(matrix, positions, rigid, strain_load, strain_five, motion, rel
     """
     tensor = np.empty((3, 3))
     five_tensor(strain_five, tensor)
-    modes, pulled, grand = rigid
+    modes, pulled, grand = rigid.modes, rigid.pulled, rigid.grand
     m = relative.shape[0]
     first = m - 3 * positions.shape[0]
     relative[:first] = 0.0
@@ -331,7 +339,7 @@ def move_as_body(matrix, positions, rigid, strain_load, strain_five, motion, rel
             relative[row] += motion[p] * modes[p, row]
 
 
-@njit(cache=True)
+@compiled
 def keep_motion(body, k, motion):
     """Keep the motion (6,) of a body in the strain k."""
     for c in range(3):
@@ -339,7 +347,7 @@ def keep_motion(body, k, motion):
         body.spin[c, k] = motion[3 + c]
 
 
-@njit(cache=True)
+@separately_compiled()
 def add_stresslet(level, work, radii, positions, rates, load, strain_five, stresslet):
     """Add to `stresslet` (5,) what a body exerts on the fluid in a strain (5,): that of its spheres and of their forces.
 
@@ -366,13 +374,13 @@ def add_stresslet(level, work, radii, positions, rates, load, strain_five, stres
         stresslet[c] += extra[c]
 
 
-@njit(cache=True)
+@separately_compiled(types.boolean)
 def rigid_resistance(rigid, ridge):
     """Fill and factorise the resistance of the rigid motions; True if it can be.
 
     ridge : added to that of rotations, over its sum
     """
-    modes, pulled, grand = rigid
+    modes, pulled, grand = rigid.modes, rigid.pulled, rigid.grand
     for p in range(6):
         for q in range(6):
             grand[p, q] = 0.0
@@ -385,7 +393,7 @@ def rigid_resistance(rigid, ridge):
     return cholesky(grand) == 0
 
 
-@njit(cache=True)
+@separately_compiled()
 def add_tensions(directions, pairs, slopes, displacement, out):
     """out (B,) += tensions of linear contacts under displacements (3P,)."""
     for b in range(pairs.shape[0]):
@@ -394,7 +402,7 @@ def add_tensions(directions, pairs, slopes, displacement, out):
             out[b] += slopes[b] * directions[i, j, k] * (displacement[3 * i + k] - displacement[3 * j + k])
 
 
-@njit(cache=True)
+@separately_compiled(types.float64[:, ::1])
 def rigid_modes(positions):
     """Three translations and three rotations about the centre, (6, 3P)."""
     n = positions.shape[0]
@@ -409,7 +417,7 @@ def rigid_modes(positions):
     return modes
 
 
-@njit(cache=True)
+@compiled
 def present_load(body, seen):
     """Largest ratio of load to strength in the strain seen from the body, (5,): of any kind, and of tension."""
     worst = tension = 0.0
@@ -423,7 +431,7 @@ def present_load(body, seen):
     return worst, tension
 
 
-@njit(cache=True)
+@compiled
 def turning_rate(body, matrix, gradient, seen, rate):
     """Angular velocity (3,) in the laboratory of a body turned by matrix (3, 3), which sees the strain `seen` (5,)."""
     for k in range(3):
@@ -438,7 +446,7 @@ def turning_rate(body, matrix, gradient, seen, rate):
         rate[k] += spin_component(gradient, k)
 
 
-@njit(cache=True)
+@separately_compiled(types.Tuple((types.float64, types.float64, types.boolean)))
 def turn_rigidly(body, matrix, centre, flow, duration, step, limit):
     """Turn a rigid body in the flow until `duration` has passed or its load exceeds `limit`.
 

@@ -18,8 +18,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import types
 
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.effects.kinds import Response, Turned
 from mcdem.effects.sums import (
     contact_limits,
@@ -41,6 +42,7 @@ from mcdem.integrators.contact_torques import (
 from mcdem.integrators.pairs import FORCE_RANGE
 from mcdem.integrators.state import harmonic_radius
 from mcdem.rigid_aggregates.statics import (
+    BODY,
     FAILED,
     FLOPPY,
     RIGID,
@@ -69,7 +71,7 @@ _RIGIDITY = 1e-9
 _TRIAL = 1e-9
 
 
-@njit(cache=True)
+@compiled
 def modes_with_turns(positions):
     """Three translations and three rotations about the centre, (6, 6P), as (rotations | displacements)."""
     n = positions.shape[0]
@@ -81,7 +83,7 @@ def modes_with_turns(positions):
     return modes
 
 
-@njit(cache=True)
+@compiled
 def factorise_network(stiffness, modes, typical):
     """Factor of the network's stiffness (6P, 6P) with its rigid motions stiffened; True if nothing is floppy.
 
@@ -118,7 +120,7 @@ class Network(NamedTuple):
     maps: np.ndarray  # (B, 7, 12) from the motion of both spheres to the turns of the contact
 
 
-@njit(cache=True)
+@compiled
 def spring_change(network, b, motion, resistances, pair):
     """Change (7,), into pair.spring, of the springs of contact b by a small motion (6P,) of (rotations | displacements)."""
     i, j = network.pairs[b, 0], network.pairs[b, 1]
@@ -146,7 +148,7 @@ def spring_change(network, b, motion, resistances, pair):
         pair.spring[a] = pair.spring[a] / scale if scale > 0.0 else 0.0
 
 
-@njit(cache=True)
+@compiled
 def add_bearing(bearing, network, motion, resistances, pair):
     """bearing (B, 8) += tension and springs of all contacts under a small motion (6P,)."""
     m = 3 * network.radii.shape[0]
@@ -160,7 +162,7 @@ def add_bearing(bearing, network, motion, resistances, pair):
             bearing[b, 1 + a] += pair.spring[a]
 
 
-@njit(cache=True)
+@compiled
 def loads_of(rest, response, network, physics):
     """Loads (L,) at rest, (L, 5) per strain, and strengths (L,): tensions, then springs along their sides."""
     radii, pairs = network.radii, network.pairs
@@ -204,7 +206,7 @@ def loads_of(rest, response, network, physics):
     return static[:row].copy(), per_strain[:row].copy(), strength[:row].copy()
 
 
-@njit(cache=True)
+@compiled
 def across(normal, e):
     """Two unit vectors (2, 3) across a normal (3,)."""
     least = 0
@@ -219,7 +221,7 @@ def across(normal, e):
         e[1, k] = normal[a] * e[0, b] - normal[b] * e[0, a]
 
 
-@njit(cache=True)
+@separately_compiled(types.Tuple((types.int64, BODY)))
 def analyse_with_torques(work, positions, bonded, springs, radii, physics):
     """(RIGID, FLOPPY or FAILED, body) of one connected aggregate; positions (P, 3) about its centre, springs (P, P, 7)."""
     n = radii.shape[0]

@@ -21,7 +21,6 @@ from effects_family import (
     scene,
 )
 from effects_family import kernel as kernel_of
-from numba.core.dispatcher import Dispatcher
 from pydantic import ValidationError
 
 from mcdem.effects import EFFECTS, Effects, Kernels
@@ -131,8 +130,8 @@ def test_dimensions_are_proven(name, monkeypatch):
     home = module(name)
     reduced, unit, compiled = kernel(name), scene(name).reduced, home.force
     for key, value in vars(home).items():
-        if isinstance(value, Dispatcher):
-            monkeypatch.setattr(home, key, value.py_func)
+        if hasattr(value, "kernel"):
+            monkeypatch.setattr(home, key, value.__wrapped__)
 
     def quantity(value, units):
         if value is None:

@@ -368,9 +368,9 @@ def test_the_layout_of_positions_in_memory_does_not_matter():
     shape = settled(tetrahedron)
     by_columns = mcdem.Aggregate(np.asfortranarray(shape.positions), shape.bonds)
     rows = encounter(PAPER, shape, shape, (0.5, 1.5), orient=False)
-    compiled = len(follow_steps.signatures)
+    compiled = len(follow_steps.kernel.signatures)
     columns = encounter(PAPER, by_columns, by_columns, (0.5, 1.5), orient=False)
-    assert len(follow_steps.signatures) == compiled
+    assert len(follow_steps.kernel.signatures) == compiled
     assert np.array_equal(rows.centres, columns.centres)
 
 

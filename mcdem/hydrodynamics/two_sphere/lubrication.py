@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from mcdem.compilation import compiled
 from mcdem.hydrodynamics.grand_mobility import basis_contract, five_tensor
 from mcdem.hydrodynamics.two_sphere.tables import LubricationTable, first_columns, lubrication_scalars
 
@@ -25,7 +26,7 @@ FAMILIES = 11
 FAMILIES_OF_MOTION = 8
 
 
-@njit(cache=True)
+@compiled
 def pair_scalars(gap, a1, a2, table, raw, scalars):
     """Two-body differences of two spheres at `gap` into scalars (11, 4); raw (RAW,) is work space.
 
@@ -34,13 +35,13 @@ def pair_scalars(gap, a1, a2, table, raw, scalars):
     scalars_of_species(gap, a1, a2, table, table.single, table.radii, raw, scalars)
 
 
-@njit(cache=True)
+@compiled
 def motion_scalars(gap, a1, a2, table, raw, scalars):
     """`pair_scalars` of the functions that resistance and strain_load are made of, scalars[:FAMILIES_OF_MOTION]."""
     motion_scalars_of_species(gap, a1, a2, table, table.single, table.radii, raw, scalars)
 
 
-@njit(cache=True)
+@compiled
 def scalars_of_species(gap, a1, a2, table, single, radii, raw, scalars):
     """`pair_scalars`, by whether the suspension has several radii; what is None is left out, an else would not be."""
     if radii is not None:
@@ -49,7 +50,7 @@ def scalars_of_species(gap, a1, a2, table, single, radii, raw, scalars):
         equal_scalars(gap, table, FAMILIES, raw, scalars)
 
 
-@njit(cache=True)
+@compiled
 def motion_scalars_of_species(gap, a1, a2, table, single, radii, raw, scalars):
     """`motion_scalars` likewise; their number is written out, since the compiler is to know it."""
     if radii is not None:
@@ -58,7 +59,7 @@ def motion_scalars_of_species(gap, a1, a2, table, single, radii, raw, scalars):
         equal_scalars(gap, table, FAMILIES_OF_MOTION, raw, scalars)
 
 
-@njit(cache=True)
+@compiled
 def species_of(radius, radii):
     """Which of the radii (S,) of a suspension a sphere has: the nearest, so that rounding does not matter."""
     found = 0
@@ -68,7 +69,7 @@ def species_of(radius, radii):
     return found
 
 
-@njit(cache=True)
+@compiled
 def unequal_scalars(gap, a1, a2, table, radii, raw, scalars):
     """`pair_scalars` in a suspension of several radii, by the table of the two species."""
     s, t = species_of(a1, radii), species_of(a2, radii)
@@ -129,7 +130,7 @@ def _cross(matrix, row, column, factor, d):
     matrix[row + 2, column + 1] -= factor * d[0]
 
 
-@njit(cache=True)
+@compiled
 def add_pair_resistance(s, i, j, d, matrix):
     """Add one pair to the resistance.
 
@@ -153,7 +154,7 @@ def add_pair_resistance(s, i, j, d, matrix):
     _cross(matrix, uj, wj, -s[2, 3], d)
 
 
-@njit(cache=True)
+@compiled
 def add_pair_strain_load(s, i, j, d, strain, shift, strain_load):
     """Add what the straining flow exerts through one pair on spheres held still; arguments as `add_pair_resistance`.
 
@@ -196,7 +197,7 @@ def add_pair_strain_load(s, i, j, d, strain, shift, strain_load):
         strain_load[w + 2] += 2.0 * h * (d[0] * e1 - d[1] * e0)
 
 
-@njit(cache=True)
+@compiled
 def add_pair_load(s, i, j, d, rates, load):
     """Add the torques and forces that one pair's resistance puts against rates; arguments as `add_pair_resistance`.
 
@@ -229,7 +230,7 @@ def add_pair_load(s, i, j, d, rates, load):
         load[3 * (n + sphere) + 2] += f2
 
 
-@njit(cache=True)
+@compiled
 def add_pair_stresslet(s, i, j, d, rates, strain_five, stresslet):
     """Add one pair's stresslets (exerted on the fluid): G u + H omega - M E.
 

@@ -35,6 +35,8 @@ import numba
 import numpy as np
 from numba import njit
 
+from mcdem.compilation import compiled
+from mcdem.compiled_once import one_at_a_time
 from mcdem.hydrodynamics.two_sphere import far_field as pair_mobility
 from mcdem.hydrodynamics.two_sphere import tensors as pair_tensors
 from mcdem.hydrodynamics.two_sphere import twin_multipoles
@@ -165,13 +167,26 @@ def lubrication_table(ratio: float = 1.0) -> LubricationTable:
     sources = sorted(Path(__file__).parent.glob("*.py"))
     digest = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
     kept = Path(numba.config.CACHE_DIR) / f"two_sphere_{float(ratio)!r}_{digest}.npz"
+    table = _stored(kept)
+    if table is not None:
+        return table
+    with one_at_a_time(kept.with_suffix(".lock")):
+        table = _stored(kept)  # another process may have made it
+        return _store(_tabulate(float(ratio)), kept) if table is None else table
+
+
+def _stored(kept: Path) -> LubricationTable | None:
+    """The table in a file; None if it cannot be read."""
     try:
         with kept.open("rb") as file, np.load(file) as stored:
             return LubricationTable(*(stored[field][()] for field in _STORED))
     except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
-        table = _tabulate(float(ratio))
+        return None
+
+
+def _store(table: LubricationTable, kept: Path) -> LubricationTable:
+    """Keep a table in a file, where one can be written."""
     with contextlib.suppress(OSError):
-        kept.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=kept.parent, suffix=".npz", delete=False) as unfinished:
             np.savez(unfinished, **{field: getattr(table, field) for field in _STORED})
         Path(unfinished.name).replace(kept)
@@ -243,7 +258,7 @@ def _tabulate(ratio: float) -> LubricationTable:
     )
 
 
-@njit(cache=True)
+@compiled
 def lubrication_scalars(gap: float, table: LubricationTable, out: np.ndarray) -> None:
     """Fill out[:columns] with the differences at this gap; gaps below `smallest_gap`, overlap too, count as that."""
     first_columns(gap, table, table.coefficients.shape[2], out)

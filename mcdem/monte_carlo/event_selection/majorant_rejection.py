@@ -21,8 +21,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 
+from mcdem.compilation import compiled
 from mcdem.monte_carlo.event_selection.contract import Meeting, Meetings, encounter_rate
 from mcdem.quantities.random_streams import stream
 
@@ -47,7 +47,7 @@ def capacity_for(members: NDArray[np.int64]) -> NDArray[np.int64]:
     return capacity
 
 
-@njit(cache=True)
+@compiled
 def accepted(
     first: NDArray[np.int64],
     second: NDArray[np.int64],
@@ -126,8 +126,10 @@ class MajorantRejection:
         if self.population.number < 2:
             found = found[:0]
         else:
-            while accepted(*self._proposals, self._radius, self._cursor, found) < count:
+            first, second, reach = self._proposals
+            while accepted(first, second, reach, self._radius, self._cursor, found) < count:
                 self._draw()
+                first, second, reach = self._proposals
         first, second, _ = self._proposals
         return Meetings(
             self._times[found],
