@@ -95,6 +95,43 @@ def _asked() -> Path | None:
     return Path(folder) / "asked" if folder else None
 
 
+class CompilationWatch:
+    """Says that this machine is compiling and for how long about, from what appears in the cache; asked now and then.
+
+    It holds for all processes that share the cache.  How many functions are still to come is known on an empty cache alone, where
+    it is about `WHOLE`, those of the quickstart.
+    """
+
+    WHOLE = 170
+    QUIET = 15.0
+    """Seconds without a newly compiled function after which it is taken for done."""
+
+    def __init__(self) -> None:
+        self._before = self._seen = _count_compiled()
+        self._began = self._changed = time.monotonic()
+
+    def __call__(self) -> str:
+        """What to show: that it compiles and how long it may take, or nothing once it no longer does."""
+        now, count = time.monotonic(), _count_compiled()
+        if count > self._seen:
+            self._seen, self._changed = count, now
+        if now - self._changed > self.QUIET:
+            return ""
+        if self._before:
+            return "compiling what no scene before has called for" if count > self._before else ""
+        done = count / self.WHOLE
+        if done < 0.05 or done >= 1.0:
+            return "compiling (first run only)"
+        left = (now - self._began) * (1.0 - done) / done
+        return f"compiling (first run only), about {left:.0f} s left"
+
+
+def _count_compiled() -> int:
+    """How many compiled functions the cache holds."""
+    folder = os.environ.get("NUMBA_CACHE_DIR")
+    return sum(1 for _ in Path(folder).glob("*/*.nbc")) if folder else 0
+
+
 def ask(question: bytes) -> None:
     """Write down what the code that is being compiled will call."""
     folder = _asked()

@@ -8,7 +8,7 @@ import math
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TextIO
 
 import typer
 from typer.core import TyperGroup
@@ -25,11 +25,18 @@ def warnings_in_a_line() -> Iterator[None]:
     """Within, a warning of ours is a line on the terminal; those of libraries are for developers, who ask for them by -W."""
     shown = warnings.showwarning
 
-    def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
         if category.__module__.partition(".")[0] in OURS:
             typer.secho(f"warning: {message}", fg="yellow", err=True)
         elif sys.warnoptions:
-            shown(message, category, *rest)
+            shown(message, category, filename, lineno, file, line)
 
     with warnings.catch_warnings():
         warnings.showwarning = show

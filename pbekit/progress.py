@@ -3,13 +3,37 @@
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Callable
 from concurrent.futures import Future, wait
 from datetime import timedelta
 from types import TracebackType
 from typing import Any, Self
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.text import Text
+
+
+class _StateColumn(ProgressColumn):
+    """What was last heard, and what goes on meanwhile."""
+
+    max_refresh = 1.0
+
+    def __init__(self, aside: Callable[[], str]) -> None:
+        self._aside = aside
+        super().__init__()
+
+    def render(self, task: Task) -> Text:
+        parts = [task.fields["state"], self._aside()]
+        return Text(", ".join(part for part in parts if part))
 
 
 class ProgressBar:
@@ -22,7 +46,7 @@ class ProgressBar:
     ----------
     name : what takes the time
     interval : [s] between two lines, and before the first
-    begins : what a terminal shows before the first call
+    meanwhile : asked now and then for what to show where nothing was heard yet or for a while, such as that code is compiled
     at_once : whether the first line comes at the first call
     console : the terminal; stderr by default
     """
@@ -32,24 +56,25 @@ class ProgressBar:
         name: str,
         interval: float = 30.0,
         *,
-        begins: str = "",
+        meanwhile: Callable[[], str] | None = None,
         at_once: bool = False,
         console: Console | None = None,
     ) -> None:
         self.name, self.interval = name, interval
         self.console = console or Console(stderr=True)
+        self._aside = meanwhile or str
         self._began = clock.monotonic()
         self._next_line = self._began + (0.0 if at_once else interval)
         self._bar = Progress(
             TextColumn(name, markup=False),
             BarColumn(bar_width=20),
             TaskProgressColumn(),
-            TextColumn("{task.fields[state]}", markup=False),
+            _StateColumn(self._aside),
             TimeElapsedColumn(),
             console=self.console,
             disable=not self.console.is_terminal,
         )
-        self._task = self._bar.add_task(name, total=None, state=begins)
+        self._task = self._bar.add_task(name, total=None, state="")
 
     def __call__(self, state: str = "", share: float | None = None) -> None:
         """Show where it stands; `share` of the whole, None where that is not known."""
@@ -60,6 +85,7 @@ class ProgressBar:
             self._next_line = now + self.interval
             elapsed = timedelta(seconds=round(now - self._began))
             parts = [state, f"{elapsed} until now"] if share is None else [f"{share:.0%}", state]
+            parts.append(self._aside())
             self.line(f"{self.name}: " + ", ".join(part for part in parts if part))
 
     def line(self, text: str) -> None:
@@ -74,6 +100,8 @@ class ProgressBar:
 
     def __enter__(self) -> Self:
         self._bar.start()
+        if aside := self._aside():
+            self.line(f"{self.name}: {aside}")
         return self
 
     def __exit__(

@@ -35,6 +35,7 @@ def run(
     Ctrl-C, SIGTERM and SIGHUP keep what was computed; `--resume` goes on from there.
     """
     from mcdem.analysis.dimensionless_groups import warnings_before
+    from mcdem.compiled_once import CompilationWatch
     from mcdem.monte_carlo import executors, run_control
     from mcdem.scene import load_scene
     from pbekit.progress import ProgressBar
@@ -45,7 +46,7 @@ def run(
         note(line)
     with (
         executors.opened(executor, workers, scheduler) as crew,
-        ProgressBar(loaded.name, begins="compiling what is not yet compiled", at_once=True) as progress,
+        ProgressBar(loaded.name, meanwhile=CompilationWatch(), at_once=True) as progress,
     ):
         done = run_control.run(
             loaded,

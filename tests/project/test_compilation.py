@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from mcdem.compiled_once import CompilationWatch
+
 MODULE = """
 from typing import NamedTuple
 
@@ -160,3 +162,28 @@ def test_whoever_waits_goes_on_when_the_owner_of_a_lock_is_killed(start):
     owner.wait()
     assert answer(waiting)[2] == "too long"
     owner.stdout.close()
+
+
+def test_the_watch_says_how_long_compiling_takes_about(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    now = [0.0]
+    monkeypatch.setattr("mcdem.compiled_once.time.monotonic", lambda: now[0])
+    (tmp_path / "integrators").mkdir()
+
+    def compile_until(count):
+        for number in range(count):
+            (tmp_path / "integrators" / f"f{number}.nbc").touch()
+
+    watch = CompilationWatch()
+    assert watch() == "compiling (first run only)"
+    compile_until(CompilationWatch.WHOLE // 2)
+    now[0] = 30.0
+    assert watch() == "compiling (first run only), about 30 s left"
+    now[0] += 2 * CompilationWatch.QUIET
+    assert watch() == ""
+
+    second = CompilationWatch()
+    assert second() == ""
+    compile_until(CompilationWatch.WHOLE // 2 + 1)
+    now[0] += 1.0
+    assert second() == "compiling what no scene before has called for"
