@@ -10,14 +10,17 @@ from .balance.population_balance import PopulationBalance as PopulationBalance
 from .errors import KernelError as KernelError
 from .errors import PBEError as PBEError
 from .errors import RangeWarning as RangeWarning
+from .export.write import export_table as export_table
 from .solution.solve import integrate as integrate
 from .solution.solve import solve as solve
 from .solution.steady import SteadyState as SteadyState
 from .solution.steady import steady_state as steady_state
 from .study.compare import Comparison as Comparison
 from .study.compare import compare_table as compare_table
+from .study.fitted_laws import fitted_laws as fitted_laws
 from .study.over_stresses import efficiencies as efficiencies
 from .study.over_stresses import stress_law as stress_law
+from .study.size_rates import size_rates as size_rates
 from .study.solve_table import open_table as open_table
 from .study.solve_table import solve_table as solve_table
 from .tables.kernel_table import KernelTable as KernelTable
