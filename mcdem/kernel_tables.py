@@ -13,6 +13,7 @@ known at their start.
 
 from __future__ import annotations
 
+import json
 import shlex
 import sys
 import time as clock
@@ -21,6 +22,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +30,7 @@ from numpy.typing import NDArray
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.aggregates.morphology import aspect_ratio, second_moments, semi_axes
 from mcdem.analysis.dataset import RunDataset
+from mcdem.analysis.similarity import COHESION, groups
 from mcdem.encounter.simulate import EncounterResult, simulate_encounter
 from mcdem.errors import DataFileError, MachineWarning, UserError
 from mcdem.monte_carlo import executors
@@ -118,9 +121,10 @@ def with_runs(designed: KernelTable, runs: Sequence[RunDataset]) -> KernelTable:
     names = " ".join(run.path.name for run in runs)
     if names != designed.about["runs"]:
         raise UserError(f"runs = {names}: expected {designed.about['runs']}, with which the table was made")
-    return designed.with_records(
+    table = designed.with_records(
         Records.join([*(records_of_run(run) for run in runs), only_designed(designed).records])
     )
+    return replace(table, about={**table.about, **_groups(runs[0].scene)}) if runs else table
 
 
 def only_designed(table: KernelTable) -> KernelTable:
@@ -517,9 +521,19 @@ def _classes(
     }
     if scene.effects.attraction is not None:
         about["hamaker_constant"] = scene.effects.attraction.hamaker_constant
+    about |= _groups(scene)
     return KernelTable.of(
         seen, scene.suspension.radius, flow.shear_rate, shapes=shapes, shape_name=shape, about=about
     ).with_records(Records.empty())
+
+
+def _groups(scene: Scene) -> dict[str, Any]:
+    """Attributes of a table that say the dimensionless groups of its scene."""
+    found = groups(scene)
+    about: dict[str, Any] = {"groups": json.dumps(found)}
+    if COHESION in found:
+        about[COHESION] = found[COHESION].value
+    return about
 
 
 def _designed(path: Path, base: KernelTable) -> tuple[Records, Machines]:

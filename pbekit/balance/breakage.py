@@ -266,6 +266,58 @@ def Erosion(fraction: float = 0.05, concentration: float = 60.0) -> TwoPeak:
 
 
 @dataclass(frozen=True)
+class TwoBeta(Daughters):
+    """Two beta peaks of the mass-weighted density: shares w and 1 - w of the mass, means m and concentrations c of each.
+
+    The number of fragments follows from them; it is finite where m c > 1 in both.
+    """
+
+    share: float = 0.5
+    mean: float = 0.3
+    concentration: float = 20.0
+    other_mean: float = 0.6
+    other_concentration: float = 20.0
+
+    def __post_init__(self) -> None:
+        arguments.law(
+            self,
+            positive=("mean", "concentration", "other_mean", "other_concentration"),
+            finite=("share",),
+        )
+        if not (0 <= self.share <= 1 and self.mean < 1 and self.other_mean < 1):
+            raise KernelError(
+                f"TwoBeta: share {self.share:g} must be in [0, 1] and the means {self.mean:g}, {self.other_mean:g} in (0, 1)"
+            )
+        if min(self.mean * self.concentration, self.other_mean * self.other_concentration) <= 1:
+            raise KernelError("TwoBeta: mean times concentration must be above 1 in both peaks")
+
+    @property
+    def _peaks(self) -> list[tuple[float, float, float]]:
+        """(share of the mass, a, b) of both."""
+        peaks = (
+            (self.share, self.mean, self.concentration),
+            (1 - self.share, self.other_mean, self.other_concentration),
+        )
+        return [(w, m * c, (1 - m) * c) for w, m, c in peaks]
+
+    def mass_below(self, x: np.ndarray) -> np.ndarray:
+        return np.sum([w * special.betainc(a, b, x) for w, a, b in self._peaks], axis=0)
+
+    def number_below(self, x: np.ndarray) -> np.ndarray:
+        # beta(x; a, b)/x is (a + b - 1)/(a - 1) times beta(x; a - 1, b).
+        return np.sum(
+            [w * (a + b - 1) / (a - 1) * special.betainc(a - 1, b, x) for w, a, b in self._peaks], axis=0
+        )
+
+    def mass_density(self, x: np.ndarray) -> np.ndarray:
+        log_x, log_y = np.log(x), np.log1p(-x)
+        return np.sum(
+            [w * np.exp((a - 1) * log_x + (b - 1) * log_y - special.betaln(a, b)) for w, a, b in self._peaks],
+            axis=0,
+        )
+
+
+@dataclass(frozen=True)
 class SchulzZimm(Daughters):
     """Many fragments whose numbers follow a Schulz-Zimm (gamma) law cut off at the parent (Schulz 1939, Zimm 1948).
 

@@ -45,6 +45,24 @@ def solve(
             help="Shear stress [Pa] to interpolate to, between those of two tables.",
         ),
     ] = None,
+    radius: Annotated[
+        float | None,
+        typer.Option(
+            help="Radius of primaries [m] at which a table of the same groups is used; the table's by default."
+        ),
+    ] = None,
+    viscosity: Annotated[
+        float | None, typer.Option(help="Viscosity [Pa s], likewise; the table's by default.")
+    ] = None,
+    shear_rate: Annotated[
+        float | None, typer.Option(help="Shear rate [1/s], likewise; the table's by default.")
+    ] = None,
+    cohesion: Annotated[
+        float | None,
+        typer.Option(
+            help="Cohesion number 6 pi mu a^2 g/F_adh of your contacts; by default that of the table's material there."
+        ),
+    ] = None,
     volume_fraction: Annotated[
         float | None,
         typer.Option(
@@ -92,9 +110,13 @@ def solve(
     from pbekit.progress import ProgressBar
     from pbekit.study.report import solution_report
     from pbekit.study.solve_table import InterruptedDraws, cautions, open_table, solve_table
+    from pbekit.tables.similarity import elsewhere
 
     check_solution(output, overwrite=overwrite)
     tables = [open_table(k) for k in kernels]
+    conditions = None
+    if any(given is not None for given in (radius, viscosity, shear_rate, cohesion)):
+        conditions = elsewhere(tables[0], radius, viscosity, shear_rate, cohesion)
     for line in cautions(tables, volume_fraction, exact_to, largest):
         typer.secho(line, fg="yellow", err=True)
     interrupted = False
@@ -103,6 +125,7 @@ def solve(
             data = solve_table(
                 tables,
                 stress=stress,
+                conditions=conditions,
                 volume_fraction=volume_fraction,
                 shapes=None if mean_shape else "table",
                 exact_to=exact_to,

@@ -375,6 +375,16 @@ class EstimatedRates:
         length = self.table.radius * np.sqrt(self.grid.mass)
         return np.stack([length**p * (self._radii @ (w * self._reduced**p)) / norm for p in (1, 2, 3)])
 
+    @cached_property
+    def radius_of_gyration(self) -> np.ndarray:
+        """(K,) mean R_g [m] of each cell; nan where the table recorded none."""
+        reduced = self.records.radius_of_gyration.ravel() / np.sqrt(self.records.size.ravel())
+        known = np.isfinite(reduced)
+        w = self._per_aggregate * known
+        with np.errstate(invalid="ignore"):
+            mean = (self._radii @ (w * np.nan_to_num(reduced))) / (self._radii @ w)
+        return np.sqrt(self.grid.mass) * mean
+
     # -- shapes ---------------------------------------------------------------------------------------------------
 
     def _grid_shape(self, size: np.ndarray, shape: np.ndarray) -> np.ndarray:

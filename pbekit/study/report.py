@@ -58,6 +58,8 @@ def solution_report(data: xr.Dataset) -> list[str]:
             f"from t = {late:.4g} s on up to {100 * float(data.extrapolated_mass.max()):.2g} % of the mass that changes size "
             f"(more than {100 * MOST_EXTRAPOLATED:.2g} %) meets in classes that nobody sampled: the course is a guess there"
         )
+    if "assumed" in about:
+        lines += [f"assumed: {line}" for line in str(about["assumed"]).split("; ")]
     if "no_band" in about:
         lines.append(f"no band: {about['no_band']}")
     return lines

@@ -21,6 +21,7 @@ from pbekit.study.evidence import MOST_EXTRAPOLATED, supported_steady_state
 from pbekit.study.interpolation_error import InterpolationError, leave_out
 from pbekit.study.uncertainty import band, course_output, draws_of, steady_output, steady_summary
 from pbekit.tables.kernel_table import KernelTable
+from pbekit.tables.similarity import Conditions, at_conditions
 
 COURSE = ("mean_size", "size_deviation", "sauter_diameter")
 STEADY = ("mean_size", "relative_deviation", "sauter_diameter")
@@ -82,6 +83,7 @@ def solve_table(
     table: KernelTable | Path | str | Sequence[KernelTable | Path | str],
     *,
     stress: float | None = None,
+    conditions: Conditions | None = None,
     volume_fraction: float | None = None,
     shapes: Any = "table",
     exact_to: int = 32,
@@ -97,6 +99,9 @@ def solve_table(
     stress : [Pa], interpolated to from the tables at the next lower and the next higher stress.  Bands then hold the error of
         interpolation too, estimated by leaving out each table that lies between two others; with two tables there is none, and
         no band
+    conditions : radius of primaries, viscosity, shear rate (and cohesion number) other than the table's; instead of `stress`.
+        Of several tables those on both sides of the cohesion number are interpolated between, as between stresses.  The attribute
+        `assumed` says what of the other groups differs
     volume_fraction : of primaries; that of the table's scene by default
     shapes : "table", None for one mean shape per size, or boundaries of shape classes
     exact_to, largest : sizes with a class of their own, and the largest size (twice the largest seen by default)
@@ -124,6 +129,11 @@ def solve_table(
         raise PBEError(f"table: got {arguments.shown(table)}, expected a KernelTable, its file, or several")
     given = [table] if isinstance(table, KernelTable | str | Path) else list(table)
     tables = [t if isinstance(t, KernelTable) else open_table(t) for t in given]
+    assumed: list[str] = []
+    if conditions is not None:
+        if stress is not None:
+            raise PBEError("stress: the conditions say it already; give one of them")
+        tables, stress, assumed = at_conditions(tables, conditions)
     grid_options = (exact_to, largest, shapes)
     estimated, errors = _rates(tables, stress, chosen, grid_options)
     first = estimated.tables[0]
@@ -156,6 +166,8 @@ def solve_table(
         "unresolved": estimated.unresolved,
         "breakups": evidence.breakups,
     }
+    if assumed:
+        data.attrs["assumed"] = "; ".join(assumed)
     if stress is None:
         data.attrs["scene"] = str(first.about.get("scene", ""))
     else:

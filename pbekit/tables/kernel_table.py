@@ -137,11 +137,31 @@ class Records:
         mask = np.zeros(len(self), bool)
         mask[chosen] = True
         rows = mask[self.encounter_of_product]
-        return Records(
-            **{
+        return self._with(
+            {
                 f.name: getattr(self, f.name)[rows if f.name.startswith("product_") else mask]
                 for f in fields(self)
             }
+        )
+
+    def _with(self, columns: Mapping[str, np.ndarray]) -> Records:
+        """Other values of columns that need neither check nor rounding."""
+        made = object.__new__(Records)
+        for f in fields(self):
+            object.__setattr__(made, f.name, columns.get(f.name, getattr(self, f.name)))
+        return made
+
+    def scaled(self, length: float, time: float) -> Records:
+        """The same encounters in units so many times as long, lengths and times to full precision."""
+        lengths = (
+            "outer_radius",
+            "radius_of_gyration",
+            "offset",
+            "product_outer_radius",
+            "product_radius_of_gyration",
+        )
+        return self._with(
+            {"time": self.time * time} | {name: getattr(self, name) * length for name in lengths}
         )
 
     def shape(self, name: str, radius: float) -> np.ndarray:

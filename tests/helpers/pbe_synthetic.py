@@ -72,7 +72,9 @@ def encounters(rng, size, shape, shapes=(1.0, 1.0), critical=7.0, pieces=2) -> R
     product_shape = new_shape(rng, product_size[:, : 3 if pieces == 3 else 2], shapes)
     product_shape = np.pad(product_shape, ((0, 0), (0, 3 - product_shape.shape[1])), constant_values=1.0)
     product_shape[:, :2] = np.where(kept[:, None], after, product_shape[:, :2])
-    from_first = np.where(kept[:, None], np.stack([size[:, 0], 0 * first, 0 * first], axis=1), 0)
+    # The first parent's primaries fill the products in their order.
+    before = np.cumsum(product_size, axis=1) - product_size
+    from_first = np.clip(size[:, :1] - before, 0, product_size)
     mask = np.arange(3)[None] < count[:, None]
     n = len(size)
     return Records(

@@ -14,6 +14,7 @@ from pbekit.balance.breakage import (
     ExponentialRate,
     PowerLawRate,
     SchulzZimm,
+    TwoBeta,
     TwoPeak,
     Uniform,
 )
@@ -120,7 +121,7 @@ def test_kusters_prefers_equals_and_small_ones():
 
 
 @pytest.mark.parametrize(
-    "daughters", [Uniform(), BetaSplit(3.0), Binary(), TwoPeak(0.3), Erosion(), SchulzZimm(0.2, 3)]
+    "daughters", [Uniform(), BetaSplit(3.0), Binary(), TwoPeak(0.3), TwoBeta(), Erosion(), SchulzZimm(0.2, 3)]
 )
 def test_daughters_hold_the_mass_of_the_parent(daughters):
     """Both cumulative forms against quadrature of the mass density; whole primaries against their parent."""

@@ -27,6 +27,7 @@ from pbekit.balance.breakage import (
     ExponentialRate,
     PowerLawRate,
     SchulzZimm,
+    TwoBeta,
     TwoPeak,
     Uniform,
 )
@@ -36,7 +37,7 @@ from pbekit.solution.solve import solve
 CLOSED = 1e-13  # mass, relative to the mass that moves
 SHARE = np.array([0.5, 0.3, 0.2])
 KERNELS = [Constant(0.8), Sum(0.3), Product(0.1), ShearEncounter(2.0)]
-DAUGHTERS = [Uniform(), Binary(), TwoPeak(0.3), Erosion(), SchulzZimm(0.2, 2.0)]
+DAUGHTERS = [Uniform(), Binary(), TwoPeak(0.3), TwoBeta(), Erosion(), SchulzZimm(0.2, 2.0)]
 RATES = [PowerLawRate(0.2, 1, offset=1), ExponentialRate(1.0, 2.0, 5.0), CriticalSize(2.0, 1.0, 40.0)]
 SCHEMES = ["fixed pivot", "cell average"]
 EDGES = ["overflow", "closed"]

@@ -1,0 +1,91 @@
+"""A table at other dimensional conditions: the same dimensionless course, or a refusal that says what would keep it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from pbe_synthetic import RADIUS, SHEAR_RATE, design
+from typer.testing import CliRunner
+
+from pbekit import Conditions, KernelTable, PBEError, solve_table
+from pbekit.commands.main import app
+from pbekit.tables.similarity import at_conditions, groups_at, rescaled
+
+LARGEST, PHI, VISCOSITY = 12, 1e-2, 2.0
+OPTIONS = {"volume_fraction": PHI, "exact_to": LARGEST, "largest": LARGEST, "samples": 21}
+
+
+def table_of(cohesion: float, seed: int = 1, critical: float = 7.0, **about) -> KernelTable:
+    """Of adhesion forces in proportion to the radius, as of elastic spheres: N ~ mu g a."""
+    groups = {
+        "cohesion_number": (cohesion, 1.0, 1.0),
+        "van_der_waals.minimum_approach": (3e-4, -1.0, 0.0),
+    }
+    return KernelTable.of(
+        design(np.random.default_rng(seed), 3000, LARGEST, critical=critical, pieces=3),
+        RADIUS,
+        SHEAR_RATE,
+        size_edges=np.arange(1, LARGEST + 2),
+        shapes=1,
+        about={"viscosity": VISCOSITY, "volume_fraction": PHI, "groups": json.dumps(groups), **about},
+    )
+
+
+def test_equal_groups_give_the_same_dimensionless_course():
+    """At a third of the radius and seven times the rate, N kept by the viscosity: <P> over g t, n a^3 and d32/a."""
+    table = table_of(0.4)
+    there = Conditions(RADIUS / 3, VISCOSITY * 3 / 7, 7 * SHEAR_RATE)
+    here = solve_table(table, until=200.0, **OPTIONS)
+    found = solve_table(table, conditions=there, until=200.0 / 7, **OPTIONS)
+    np.testing.assert_allclose(found.mean_size, here.mean_size, rtol=1e-9)
+    np.testing.assert_allclose(
+        found.number / 27, here.number, rtol=1e-6, atol=1e-9 * float(here.number.max())
+    )
+    np.testing.assert_allclose(3 * found.sauter_diameter, here.sauter_diameter, rtol=1e-9)
+    assert found.attrs["steady_mean_size"] == pytest.approx(here.attrs["steady_mean_size"], rel=1e-9)
+    # What of the same material differs there is said.
+    assert "van_der_waals.minimum_approach would be 0.0009" in found.attrs["assumed"]
+    assert "not measured" in found.attrs["assumed"]
+
+
+def test_what_differs_is_weighed_where_its_weight_was_measured():
+    table = table_of(0.4, sensitivities=json.dumps({"van_der_waals.minimum_approach": {"eta_11": -0.5}}))
+    _, _, lines = at_conditions([table], Conditions(RADIUS / 4, 4 * VISCOSITY, SHEAR_RATE))
+    assert any("eta_11 goes with its power -0.5, so by a factor of 0.5" in line for line in lines)
+
+
+def test_another_cohesion_number_is_refused_with_what_would_keep_it():
+    table = table_of(0.4)
+    with pytest.raises(PBEError, match=r"N = 0\.2 .* expected 0\.4; a shear rate of 2 1/s keeps it"):
+        at_conditions([table], Conditions(RADIUS / 2, VISCOSITY, SHEAR_RATE))
+    # Whose contacts hold half as much has the table's N there.
+    moved, stress, _ = at_conditions([table], Conditions(RADIUS / 2, VISCOSITY, SHEAR_RATE, cohesion=0.4))
+    assert stress is None and moved[0].radius == RADIUS / 2
+    with pytest.raises(PBEError, match="older version"):
+        groups_at(
+            KernelTable.of(table.records, RADIUS, SHEAR_RATE, about={"viscosity": 1.0}), Conditions(1, 1, 1)
+        )
+
+
+def test_between_cohesion_numbers_is_between_stresses():
+    """The same viscosities twofold: interpolated in N at the radius of the tables, and in stress."""
+    low, high = table_of(0.4, critical=8.0), table_of(0.6, 2, critical=6.0)
+    in_n = solve_table(
+        [low, high], conditions=Conditions(RADIUS, 1.25 * VISCOSITY, SHEAR_RATE), until=50.0, **OPTIONS
+    )
+    high = rescaled(high, Conditions(RADIUS, 1.5 * VISCOSITY, SHEAR_RATE))
+    in_stress = solve_table([low, high], stress=1.25 * VISCOSITY * SHEAR_RATE, until=50.0, **OPTIONS)
+    np.testing.assert_allclose(in_n.mean_size, in_stress.mean_size, rtol=1e-9)
+    with pytest.raises(PBEError, match=r"between those of the tables \(0\.4, 0\.6\)"):
+        solve_table([low, high], conditions=Conditions(RADIUS, 2 * VISCOSITY, SHEAR_RATE), until=50.0)
+
+
+def test_the_command_takes_conditions(tmp_path):
+    table_of(0.4).save(tmp_path / "kernels.nc")
+    call = ["solve", str(tmp_path / "kernels.nc"), "-o", str(tmp_path / "course.nc"), "--until", "20"]
+    done = CliRunner().invoke(app, [*call, "--radius", str(RADIUS / 2), "--shear-rate", "2"])
+    assert done.exit_code == 0 and "assumed: N = 0.4" in done.output, done.output
+    refused = CliRunner().invoke(app, [*call, "--radius", str(RADIUS / 2), "--overwrite"])
+    assert refused.exit_code == 2 and "keeps it for the table's material" in refused.output
