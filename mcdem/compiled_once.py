@@ -141,8 +141,9 @@ def ask(question: bytes) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not (folder / name).exists():
-            (folder / f"{name}.{os.getpid()}").write_bytes(question)
-            (folder / f"{name}.{os.getpid()}").replace(folder / name)
+            beside = folder / f"{name}.{os.getpid()}"
+            beside.write_bytes(question)
+            beside.replace(folder / name)
     except OSError:
         return
 
