@@ -411,7 +411,7 @@ def measure(
 TIMES = ("step", "absent", "error_absent", "added", "error_added", "present", "error_present")
 
 
-def told(row: dict[str, str | float]) -> str:
+def line_of(row: dict[str, str | float]) -> str:
     """A row of the table."""
     value = {name: float(row[name]) for name in row if name not in ("effect", "scheme", "level")}
     return (
@@ -492,7 +492,7 @@ def main() -> None:
             save_rows(options.save, rows)
     for effect in EFFECTS:
         if effect in rows:
-            print(told(rows[effect]))
+            print(line_of(rows[effect]))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from collections import Counter
 
 import mcdem
 from mcdem.aggregates.aggregate import Aggregate
-from mcdem.analysis.accuracy_cost import draw_pairs, level_changes
+from mcdem.analysis.paired_encounters import draw_pairs, level_changes
 
 LEVELS = ("stokesian", "fts", "rotne_prager", "free_draining")
 

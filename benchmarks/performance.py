@@ -26,8 +26,8 @@ import scipy.linalg
 import threadpoolctl
 
 import mcdem
-from mcdem.analysis.accuracy_cost import draw_pairs, warm_up
 from mcdem.analysis.dataset import RunDataset
+from mcdem.analysis.paired_encounters import draw_pairs, warm_up
 from mcdem.quantities.random_streams import stream
 from validation.hard_cases.shapes import ball_centres, settled
 

@@ -59,9 +59,9 @@ def row(name: str, scene: mcdem.Scene, made: int, aggregates: list[Aggregate]) -
     gyration = np.array([np.sqrt((a.positions**2).sum(axis=1).mean()) for a in aggregates])
     fit = fit_mass_size(sizes, gyration, scene.suspension.radius, given="length")
     contacts = sum(len(a.bonds) for a in aggregates if a.size > 1)
-    told = "-" if fit is None else f"{fit.exponent:.2f} ({fit.exponent_low:.2f} to {fit.exponent_high:.2f})"
+    said = "-" if fit is None else f"{fit.exponent:.2f} ({fit.exponent_low:.2f} to {fit.exponent_high:.2f})"
     coordination = 2.0 * contacts / sizes[sizes > 1].sum()
-    return f"| {name} | {told} | {coordination:.2f} | {len(aggregates) / made:.2f} | {sizes.max()} |"
+    return f"| {name} | {said} | {coordination:.2f} | {len(aggregates) / made:.2f} | {sizes.max()} |"
 
 
 def main() -> None:

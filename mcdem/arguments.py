@@ -5,6 +5,7 @@ Quantities are read by `mcdem.quantities.units.si`; files of scenes by `mcdem.sc
 
 from __future__ import annotations
 
+from enum import StrEnum
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,14 @@ if TYPE_CHECKING:
 PERIOD = TIME.positive.between("1e-15 s", "1e15 s")
 """A process time."""
 MOST_EVENTS = 10**12
+
+
+class ExecutorKind(StrEnum):
+    """Where encounters are computed."""
+
+    process = "process"
+    mpi = "mpi"
+    dask = "dask"
 
 
 def scene_at_door(scene: object) -> None:

@@ -30,7 +30,7 @@ from mcdem.analysis.dataset import RunDataset
 from mcdem.encounter.simulate import EncounterResult, simulate_encounter
 from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo import executors
-from mcdem.monte_carlo.executors import Encounter, EngineError
+from mcdem.monte_carlo.executors import Encounter, ExecutorError
 from mcdem.netcdf.whole_files import FILES
 from mcdem.quantities.random_streams import checked, stream
 from mcdem.scene import Scene
@@ -304,6 +304,17 @@ class TableProgress:
     error: float | None
     elapsed: float
 
+    @property
+    def done(self) -> float:
+        """Share of the designed encounters that are wanted."""
+        return self.designed / self.wanted if self.wanted else 1.0
+
+    def __str__(self) -> str:
+        state = f"{self.reused} from runs, {self.designed} of {self.wanted} designed"
+        if self.mean_size is not None and self.error is not None:
+            state += f"; steady <P> = {self.mean_size:.3g} +- {100 * self.error:.2g} %"
+        return state
+
 
 @dataclass(frozen=True)
 class TableSummary:
@@ -318,6 +329,12 @@ class TableSummary:
     """"encounters", "error" or "interruption"."""
     refusal: str = ""
     """Why there is no steady <P>, and what would give one; empty where there is one."""
+
+    def __str__(self) -> str:
+        line = f"{self.path}: {self.reused} encounters from runs, {self.designed} designed"
+        if self.mean_size is not None and self.error is not None:
+            line += f"; steady <P> = {self.mean_size:.3g}, standard error {100 * self.error:.2g} %"
+        return f"{line}; ended by {self.ended_by}" + (f"\n{self.refusal}" if self.refusal else "")
 
 
 def tabulate(
@@ -438,10 +455,10 @@ def tabulate(
         except KeyboardInterrupt:
             ended_by = "interruption"
         except BaseException as problem:
-            if not (isinstance(problem, EngineError) and endings.asked(within=0.5)):
+            if not (isinstance(problem, ExecutorError) and endings.asked(within=0.5)):
                 save()
-                if isinstance(problem, EngineError):
-                    raise EngineError(
+                if isinstance(problem, ExecutorError):
+                    raise ExecutorError(
                         f"{problem}; {path} holds {done} designed encounters: extend it with --resume, maybe on fewer workers"
                     ) from problem
                 raise

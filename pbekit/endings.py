@@ -128,7 +128,7 @@ class Deferred:
             self._allowed = False
 
 
-def tell(problem: KeyboardInterrupt | None = None, nothing: str = NOTHING) -> None:
+def say(problem: KeyboardInterrupt | None = None, nothing: str = NOTHING) -> None:
     """The one line of an interrupted program."""
     global _said
     words = problem.args[0] if problem is not None and problem.args else nothing
@@ -156,12 +156,12 @@ def program(start: Callable[[], None]) -> None:
                 start()
                 return
             except KeyboardInterrupt as problem:
-                tell(problem)
+                say(problem)
             except SystemExit as end:
                 if _request is None or end.code not in (130, exit_code()):
                     raise
                 if not _said:
-                    tell(_interruption_behind(end))
+                    say(_interruption_behind(end))
             code = exit_code()
             for stream in (sys.stdout, sys.stderr):
                 with contextlib.suppress(OSError, ValueError):

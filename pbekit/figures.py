@@ -60,8 +60,8 @@ def draw_comparison(found: Comparison, prefix: Path) -> list[str]:
     draw_table(found.table, named("table"))
     draw_course(found, named("course"))
     draw_distribution(found, named("distribution"))
-    if _switch_panels(found):
-        draw_switches(found, named("switches"))
+    if _ablation_panels(found):
+        draw_ablation(found, named("ablation"))
     else:
         left_out.append("figure of the ablation left out: no steady state, and no run to compare with")
     if "mean_size" not in found.numbers:
@@ -156,23 +156,23 @@ def _distribution(ax: Axes, data: xr.Dataset, key: str) -> None:
     ax.set_xlim(0.9, size[np.flatnonzero(data[key].values > floor)[-1]] * 1.1)
 
 
-def _switch_panels(found: Comparison) -> list[tuple[str, str]]:
+def _ablation_panels(found: Comparison) -> list[tuple[str, str]]:
     """The quantities that have anything to show, and their labels."""
     panels = [("mean_size", r"steady $\langle P\rangle$")]
     if "end" in found.numbers:
         panels.insert(0, ("end_mean_size", rf"$\langle P\rangle$ after {found.numbers['end']:.4g} s"))
         panels.append(("late_distance", "distance of sizes\nfrom the Monte Carlo's"))
-    return [panel for panel in panels if bool(found.switches[panel[0]].notnull().any())]
+    return [panel for panel in panels if bool(found.ablation[panel[0]].notnull().any())]
 
 
-def draw_switches(found: Comparison, path: Path) -> Path:
+def draw_ablation(found: Comparison, path: Path) -> Path:
     """<P> at the run's end and at steady state with one assumption changed in each line, beside the Monte Carlo."""
-    data, numbers, panels = found.switches, found.numbers, _switch_panels(found)
+    data, numbers, panels = found.ablation, found.numbers, _ablation_panels(found)
     with mpl.rc_context(STYLE):
         figure, axes = _panels(
             1, len(panels), figsize=(3.0 + 2.7 * len(panels), 3.6), sharey=True, squeeze=False
         )
-        y = np.arange(data.sizes["switch"])[::-1]
+        y = np.arange(data.sizes["assumption"])[::-1]
         for ax, (key, label) in zip(axes[0], panels, strict=True):
             if f"{key}_run_high" in numbers:
                 ends = (numbers.get(f"{key}_run_low", 0.0), numbers[f"{key}_run_high"])
@@ -186,7 +186,7 @@ def draw_switches(found: Comparison, path: Path) -> Path:
             if mean is not None and error is not None:
                 ax.axvspan(mean - 1.645 * error, mean + 1.645 * error, color=BLACK, alpha=0.15, lw=0)
             ax.plot(data[key], y, "o", color=BLUE, ms=4)
-            ax.set_yticks(y, data.switch.values)
+            ax.set_yticks(y, data.assumption.values)
             ax.set(xlabel=label)
         _legend_below(figure, axes[0])
         return save(figure, data, path)
@@ -325,8 +325,8 @@ def _interpolated(ax: Axes, data: xr.Dataset, key: str, unit: float) -> None:
     guess = unit * data[f"{key}_interpolated"].values
     low, high = (unit * data[f"{key}_interpolated_{end}"].values for end in ("low", "high"))
     beside = 1.02 * data.stress.values
-    for told, words in ((np.isfinite(low), ", with its error"), (~np.isfinite(low), ", error unknown")):
-        shown = told & np.isfinite(guess)
+    for chosen, words in ((np.isfinite(low), ", with its error"), (~np.isfinite(low), ", error unknown")):
+        shown = chosen & np.isfinite(guess)
         if shown.any():
             ends = _length(np.stack([guess - low, high - guess]))[:, shown]
             ax.errorbar(

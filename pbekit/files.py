@@ -290,14 +290,14 @@ class Files:
         number = problem.errno if isinstance(problem, OSError) else None
         with contextlib.suppress(OSError):
             free = shutil.disk_usage(place.parent).free / 2**20
-            told = f"{_why(problem)}; {free:.0f} MiB free on its disk"
+            why = f"{_why(problem)}; {free:.0f} MiB free on its disk"
         stays = "; what it held before is intact" if place.exists() else ""
         cure = "name another place"
         if number in LACKS_SPACE or number is None:
             cure = f"free some space or lift the quota, then {then}"
         elif number in LACKS_RIGHT:
             cure = "expected a folder that can be written"
-        return f"{path}: cannot be written ({told}){stays}: {cure}"
+        return f"{path}: cannot be written ({why}){stays}: {cure}"
 
     def write(self, path: Path | str, kind: Kind, text: str) -> None:
         """Put text (UTF-8) into the place of `path`."""

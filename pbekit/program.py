@@ -37,7 +37,7 @@ class Program(TyperGroup):
                 raise
             said = why
         except KeyboardInterrupt as problem:
-            endings.tell(problem)
+            endings.say(problem)
             raise typer.Exit(endings.exit_code()) from None
         # Not through rich, which would take [flow] for a colour.
         typer.secho(f"error: {said}", fg="red", err=True)

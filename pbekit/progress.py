@@ -22,12 +22,19 @@ class ProgressBar:
     ----------
     name : what takes the time
     interval : [s] between two lines, and before the first
+    begins : what a terminal shows before the first call
     at_once : whether the first line comes at the first call
     console : the terminal; stderr by default
     """
 
     def __init__(
-        self, name: str, interval: float = 30.0, *, at_once: bool = False, console: Console | None = None
+        self,
+        name: str,
+        interval: float = 30.0,
+        *,
+        begins: str = "",
+        at_once: bool = False,
+        console: Console | None = None,
     ) -> None:
         self.name, self.interval = name, interval
         self.console = console or Console(stderr=True)
@@ -42,7 +49,7 @@ class ProgressBar:
             console=self.console,
             disable=not self.console.is_terminal,
         )
-        self._task = self._bar.add_task(name, total=None, state="")
+        self._task = self._bar.add_task(name, total=None, state=begins)
 
     def __call__(self, state: str = "", share: float | None = None) -> None:
         """Show where it stands; `share` of the whole, None where that is not known."""

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from mcdem.commands.run import Engine
+from mcdem.arguments import ExecutorKind
 from mcdem.errors import UserError
 from mcdem.netcdf.whole_files import FILES, VERDICTS
 from pbekit import endings
@@ -51,8 +51,8 @@ def validation(
         int | None, typer.Option(min=1, help="How many parts of cases run at once. Default: all there are.")
     ] = None,
     executor: Annotated[
-        Engine, typer.Option(help="process: this machine; mpi: ranks of mpiexec; dask: a cluster.")
-    ] = Engine.process,
+        ExecutorKind, typer.Option(help="process: this machine; mpi: ranks of mpiexec; dask: a cluster.")
+    ] = ExecutorKind.process,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Of the dask cluster, such as tcp://host:8786.")
     ] = None,
@@ -120,7 +120,7 @@ def validation(
                 way=way,
                 given=given,
                 fresh=fresh,
-                told=display,
+                progress=display,
             )
     except KeyboardInterrupt:
         raise KeyboardInterrupt(

@@ -30,8 +30,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from mcdem.aggregates.aggregate import Aggregate
-from mcdem.analysis.accuracy_cost import REFERENCE, Pair, Sample, draw_pairs, follow, settings_of
+from mcdem.analysis.accuracy_cost import settings_of
 from mcdem.analysis.dataset import RunDataset
+from mcdem.analysis.paired_encounters import REFERENCE, Pair, Sample, draw_pairs, follow
 from mcdem.encounter.simulate import OUTCOMES
 from mcdem.errors import UserError
 from mcdem.monte_carlo.executors import opened
@@ -131,7 +132,7 @@ def followed(data: xr.Dataset, way: str) -> NDArray[np.intp]:
 
 
 def complete(
-    data: xr.Dataset, paper: int, workers: int, save: Callable[[], None], tell: Callable[[str], None]
+    data: xr.Dataset, paper: int, workers: int, save: Callable[[], None], report: Callable[[str], None]
 ) -> None:
     """Follow what has not been followed yet, `paper` encounters by the paper's scheme too."""
     scene, seed, met = scene_in(data), int(data.attrs["seed"]), pairs(data)
@@ -153,9 +154,9 @@ def complete(
                 if time.monotonic() - written > EVERY:
                     save()
                     written = time.monotonic()
-                    tell(f"{way}: {done} of {len(missing)}")
+                    report(f"{way}: {done} of {len(missing)}")
             save()
-            tell(f"{way}: all {len(wanted)}")
+            report(f"{way}: all {len(wanted)}")
 
 
 class Difference(NamedTuple):

@@ -263,9 +263,9 @@ def coarse_default() -> Iterator[None]:
 
     def prices(path):
         rows = {row["setting"]: row for row in intact(path)}
-        coarse = max((r for r in rows.values() if r["knob"] == "max_step"), key=lambda r: r["error_eta_11"])
+        coarse = max((r for r in rows.values() if r["varied"] == "max_step"), key=lambda r: r["error_eta_11"])
         time = {"cpu_time_s": rows["reference"]["cpu_time_s"]}
-        rows["as given"] = coarse | {"setting": "as given", "knob": "as given"} | time
+        rows["as given"] = coarse | {"setting": "as given", "varied": "as given"} | time
         return list(rows.values())
 
     with mock.patch.object(datasets, "prices", prices):

@@ -58,7 +58,9 @@ def checkout(context: Context) -> tuple[Path, ...]:
 
 def prices(path: Path) -> list[dict[str, Any]]:
     """Rows of a table of `mcdem cost`, numbers as numbers."""
-    return _rows(path, ("setting", "knob"))
+    from mcdem.analysis.accuracy_cost import read_prices
+
+    return read_prices(path)
 
 
 def absent_effects() -> list[dict[str, Any]]:

@@ -159,7 +159,7 @@ def draw(rng: np.random.Generator) -> Trial:
 
 
 @dataclass(frozen=True)
-class Told:
+class Attempt:
     """What came of a trial.  failures : laws that were broken, with words; empty if all hold"""
 
     outcome: str
@@ -199,7 +199,7 @@ def excused(trial: Trial, scene: Scene) -> bool:
     )
 
 
-def attempt(trial: Trial) -> Told:
+def attempt(trial: Trial) -> Attempt:
     """Follow a trial and hold it against the laws of results; whatever is raised is a failure too."""
     began = time.process_time()
     try:
@@ -218,7 +218,7 @@ def attempt(trial: Trial) -> Told:
     except Exception as problem:  # a crash is what is looked for
         outcome, reason, steps = "crash", "", 0
         broken = [f"crash: {type(problem).__name__}: {problem}"]
-    return Told(outcome, reason, steps, time.process_time() - began, tuple(broken))
+    return Attempt(outcome, reason, steps, time.process_time() - began, tuple(broken))
 
 
 def numbered(seed: int, number: int) -> Trial:
@@ -248,20 +248,20 @@ class Found:
         return {"all laws of results": reason} if reason else {}
 
     def judge(self) -> Iterator[Finding]:
-        told = attempt(Trial.from_json(self.path.read_text()))
-        sound = not told.failures and told.outcome != "unresolved"
-        words = "; ".join(told.failures) or " ".join([told.outcome, told.reason]).strip()
+        found = attempt(Trial.from_json(self.path.read_text()))
+        sound = not found.failures and found.outcome != "unresolved"
+        words = "; ".join(found.failures) or " ".join([found.outcome, found.reason]).strip()
         law = "all laws of results"
-        yield finding(self, law, told.steps, 1.0 if sound else -1.0, words, self.expected.get(law, ""))
+        yield finding(self, law, found.steps, 1.0 if sound else -1.0, words, self.expected.get(law, ""))
 
 
 FOUND = tuple(Found(path) for path in sorted((Path(__file__).parent / "hard_cases" / "found").glob("*.json")))
 
 
-def fuzz(seed: int, encounters: int, workers: int) -> Iterator[tuple[int, Trial, Told]]:
+def fuzz(seed: int, encounters: int, workers: int) -> Iterator[tuple[int, Trial, Attempt]]:
     """Trials as they end.  Those under way when a worker dies or nothing ends for `HANG` are reported as failures."""
     with executors.opened("process", workers, apart=True) as (pool, _):
-        waiting: dict[Future[Told], int] = {}
+        waiting: dict[Future[Attempt], int] = {}
         numbers = iter(range(encounters))
         while True:
             while len(waiting) < 2 * workers and (number := next(numbers, None)) is not None:
@@ -271,27 +271,27 @@ def fuzz(seed: int, encounters: int, workers: int) -> Iterator[tuple[int, Trial,
             done, _ = wait(waiting, HANG, FIRST_COMPLETED)
             if not done:
                 for number in waiting.values():
-                    told = Told("hang", "", 0, HANG, (f"nothing ended within {HANG:.0f} s",))
-                    yield number, numbered(seed, number), told
+                    found = Attempt("hang", "", 0, HANG, (f"nothing ended within {HANG:.0f} s",))
+                    yield number, numbered(seed, number), found
                 for process in getattr(pool, "_processes", {}).values():
                     process.kill()
                 return
             for future in done:
                 number = waiting.pop(future)
                 try:
-                    told = future.result()
+                    found = future.result()
                 except BrokenExecutor as problem:
-                    told = Told("crash", "", 0, 0.0, (f"crash: a worker died ({problem})",))
-                    yield number, numbered(seed, number), told
+                    found = Attempt("crash", "", 0, 0.0, (f"crash: a worker died ({problem})",))
+                    yield number, numbered(seed, number), found
                     return
-                yield number, numbered(seed, number), told
+                yield number, numbered(seed, number), found
 
 
-def keep(folder: Path, name: str, trial: Trial, told: Told) -> Path:
+def keep(folder: Path, name: str, trial: Trial, found: Attempt) -> Path:
     """Write a failure so that it can be repeated."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.json"
-    path.write_text(trial.to_json(failures=told.failures))
+    path.write_text(trial.to_json(failures=found.failures))
     return path
 
 
@@ -305,25 +305,25 @@ def main(
     """Follow random encounters and hold each against the laws; exit code 1 if one is broken."""
     if replay is not None:
         trial = Trial.from_json(replay.read_text())
-        told = attempt(trial)
-        print(f"{told.outcome} {told.reason} after {told.steps} steps, {told.seconds:.2f} s")
-        print(*told.failures, sep="\n")
-        raise typer.Exit(1 if told.failures else 0)
+        found = attempt(trial)
+        print(f"{found.outcome} {found.reason} after {found.steps} steps, {found.seconds:.2f} s")
+        print(*found.failures, sep="\n")
+        raise typer.Exit(1 if found.failures else 0)
     outcomes: Counter[str] = Counter()
     reasons: Counter[str] = Counter()
     failed, seconds, longest, steps, done = 0, 0.0, 0.0, 0, 0
     began = shown = time.monotonic()
-    for number, trial, told in fuzz(seed, encounters, workers):
+    for number, trial, found in fuzz(seed, encounters, workers):
         done += 1
-        outcomes[told.outcome] += 1
-        if told.reason:
-            reasons[f"{told.reason} ({trial.scheme})"] += 1
-        seconds, steps = seconds + told.seconds, steps + told.steps
-        longest = max(longest, told.seconds)
-        if told.failures:
+        outcomes[found.outcome] += 1
+        if found.reason:
+            reasons[f"{found.reason} ({trial.scheme})"] += 1
+        seconds, steps = seconds + found.seconds, steps + found.steps
+        longest = max(longest, found.seconds)
+        if found.failures:
             failed += 1
-            path = keep(out, f"seed-{seed}-number-{number}", trial, told)
-            print(f"{path}: {'; '.join(told.failures)}", flush=True)
+            path = keep(out, f"seed-{seed}-number-{number}", trial, found)
+            print(f"{path}: {'; '.join(found.failures)}", flush=True)
         if time.monotonic() - shown > 30.0:
             shown = time.monotonic()
             left = (shown - began) * (encounters - done) / done

@@ -74,8 +74,8 @@ def explanation(outcome: Outcome) -> str:
     if outcome.as_expected and outcome.case.because and not outcome.read:
         return outcome.case.because
     reasons = [c.why or c.gap for c in outcome.findings.checks if c.verdict == outcome.verdict]
-    told = "; ".join(dict.fromkeys(reason for reason in reasons if reason))
-    return told or ("open" if outcome.verdict != Verdict.failed else "the case did not run to its end")
+    why = "; ".join(dict.fromkeys(reason for reason in reasons if reason))
+    return why or ("open" if outcome.verdict != Verdict.failed else "the case did not run to its end")
 
 
 def html(outcomes: list[Outcome], title: str, way: str | None = None) -> str:

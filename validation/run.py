@@ -143,7 +143,7 @@ def run(
     way: str | None = None,
     given: Given = NOTHING_GIVEN,
     fresh: bool = False,
-    told: Callable[[str, Any], None] = lambda event, what: None,
+    progress: Callable[[str, Any], None] = lambda event, what: None,
 ) -> list[Outcome]:
     """Outcomes of the cases, in their order.
 
@@ -151,7 +151,7 @@ def run(
     way : how to break physics (`validation.broken`)
     given : files for the cases that read any
     fresh : measure again what is kept
-    told : called with ("part", part) when one is measured, ("case", outcome) when one is judged
+    progress : called with ("part", part) when one is measured, ("case", outcome) when one is judged
     """
     parts = {case.name: parts_of(case, quick, way, given) for case in cases}
     results: dict[str, dict[str, dict[str, Any]]] = {name: {} for name in parts}
@@ -161,10 +161,10 @@ def run(
 
     def settle(part: Part, result: dict[str, Any]) -> None:
         results[part.name][part.label] = result
-        told("part", part)
+        progress("part", part)
         if len(results[part.name]) == len(parts[part.name]):
             outcomes[part.name] = _judge(parts[part.name], results[part.name], reused[part.name])
-            told("case", outcomes[part.name])
+            progress("case", outcomes[part.name])
 
     to_measure = []
     for part in (p for several in parts.values() for p in several):
@@ -194,10 +194,12 @@ def _finish(
 ) -> None:
     try:
         result = executors.result_of(future)
-    except executors.EngineError as problem:  # a case that takes its worker down, or whoever stopped them all
+    except (
+        executors.ExecutorError
+    ) as problem:  # a case that takes its worker down, or whoever stopped them all
         if endings.asked(within=0.5):
             raise KeyboardInterrupt from None
-        raise executors.EngineError(
+        raise executors.ExecutorError(
             f"{part.name} {part.label}: {problem}; {folder} holds what was measured: the same command goes on from there"
         ) from problem
     if "numbers" in result:

@@ -311,13 +311,13 @@ def measure_point(motion: str, sweep: str, value: float, base: Scene | None = No
     return rows
 
 
-def measure(told: Callable[[str], None] = lambda words: None) -> list[Row]:
+def measure(progress: Callable[[str], None] = lambda words: None) -> list[Row]:
     """The whole map."""
     rows: list[Row] = []
     for motion in MOTIONS:
         for name, sweep in SWEEPS.items():
             for value in sweep.values:
-                told(f"{motion} {name} = {value:g}")
+                progress(f"{motion} {name} = {value:g}")
                 rows += measure_point(motion, name, value)
     return rows
 

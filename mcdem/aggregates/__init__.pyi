@@ -6,3 +6,5 @@ from .morphology import population_morphology as population_morphology
 from .morphology import semi_axes as semi_axes
 from .rigidity import count_modes as count_modes
 from .rigidity import rigidity_matrix as rigidity_matrix
+from .shapes import read_aggregate as read_aggregate
+from .shapes import straight_chain as straight_chain

@@ -183,11 +183,11 @@ def radii_of(scene: Scene, radii: ArrayLike | None, count: int) -> NDArray[np.fl
     Raises `UserError` where there are several and none are given, or given ones are not of the scene.
     """
     species = np.array(scene.suspension.species)
-    told = " and ".join(f"{r:g} m" for r in species)
+    known = " and ".join(f"{r:g} m" for r in species)
     if radii is None:
         if len(species) == 1:
             return None
-        raise UserError(f"radii: the suspension has several, {told}: give that of each primary")
+        raise UserError(f"radii: the suspension has several, {known}: give that of each primary")
     given = si("radii", radii, LENGTH, (None,))
     if given.shape != (count,):
         raise UserError(f"radii: expected one for each of {count} primaries, found {len(given)}")
@@ -196,7 +196,7 @@ def radii_of(scene: Scene, radii: ArrayLike | None, count: int) -> NDArray[np.fl
     if off.any():
         row = int(off.argmax())
         raise UserError(
-            f"radii: primary {row} has {given[row]:g} m, expected {told.replace(' and ', ' or ')}"
+            f"radii: primary {row} has {given[row]:g} m, expected {known.replace(' and ', ' or ')}"
         )
     return None if len(species) == 1 else species[nearest]
 

@@ -13,11 +13,13 @@ from .dataset import pool as pool
 from .dataset import pooled_breakups as pooled_breakups
 from .dimensionless_groups import Finding as Finding
 from .dimensionless_groups import check as check
+from .paired_encounters import Setting as Setting
+from .paired_encounters import sample_for as sample_for
 from .paper_comparison import RULE as RULE
 from .paper_comparison import breakup_exponents as breakup_exponents
 from .paper_comparison import compare as compare
+from .sensitivity import compare_settings as compare_settings
 from .sensitivity import settings_from as settings_from
-from .sensitivity import vary as vary
 from .statistics import SteadyState as SteadyState
 from .statistics import TimeAverage as TimeAverage
 from .statistics import find_steady_state as find_steady_state

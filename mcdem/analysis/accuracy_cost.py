@@ -20,59 +20,44 @@ scene's step.
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcdem.aggregates.aggregate import Aggregate
-from mcdem.analysis.dataset import RunDataset
+from mcdem.analysis.paired_encounters import (
+    GIVEN,
+    REFERENCE,
+    Pair,
+    Progress,
+    Sample,
+    Setting,
+    level_changes,
+    sampled,
+    warm_up,
+)
 from mcdem.analysis.statistics import mean_limits, share, shares
-from mcdem.encounter.capture_efficiency import Capture, fejer
-from mcdem.encounter.simulate import OUTCOMES, physics_of, simulate_encounter
+from mcdem.encounter.simulate import OUTCOMES, simulate_encounter
 from mcdem.errors import UserError
 from mcdem.hydrodynamics import LEVELS
 from mcdem.integrators import SCHEMES
 from mcdem.monte_carlo import executors
-from mcdem.netcdf.whole_files import FILES
+from mcdem.netcdf.whole_files import COST, FILES
 from mcdem.quantities.random_streams import stream
 from mcdem.quantities.toml_tables import choices
 from mcdem.scene import Scene
 
-REFERENCE = "reference"
-GIVEN = "as given"
+if TYPE_CHECKING:
+    from rich.table import Table
+
 QUANTITIES = ("eta_11", "outcome", "fragment", "geometry")
-
-
-@dataclass(frozen=True)
-class Setting:
-    """One way to compute: which setting is changed, and to what; `changes` are keys of the scene."""
-
-    name: str
-    knob: str
-    changes: dict[str, Any] = field(default_factory=dict)
-
-    @property
-    def of_physics(self) -> bool:
-        """Whether it changes what is computed and not only how: such settings are shown but never named as the cheapest."""
-        return any(key == "numerics.rotations" or not key.startswith("numerics.") for key in self.changes)
-
-    def of(self, scene: Scene) -> Scene:
-        """The scene under this setting."""
-        return scene.with_changes(self.changes, as_in_file=True) if self.changes else scene
-
-
-def level_changes(level: str) -> dict[str, Any]:
-    """Keys that bring a scene to a level of hydrodynamics; those of lubrication go where there is none."""
-    changes: dict[str, Any] = {"hydrodynamics.level": level}
-    if not LEVELS[level].lubrication:
-        changes |= {"hydrodynamics.lubrication_cutoff": None, "hydrodynamics.cutoff_convention": None}
-    return changes
 
 
 def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
@@ -99,20 +84,21 @@ def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
         Setting("all shortcuts off", "shortcuts", exact),
     ]
 
-    def turn(knob: str, values: Iterable[Any]) -> None:
-        of_scheme = hasattr(own, knob)
-        now, key = (
-            (getattr(own, knob), f"{table}.{knob}") if of_scheme else (getattr(n, knob), f"numerics.{knob}")
+    def try_each(name: str, values: Iterable[Any]) -> None:
+        of, place = (own, table) if hasattr(own, name) else (n, "numerics")
+        found.extend(
+            Setting(f"{name} = {value:g}", name, {f"{place}.{name}": value})
+            for value in values
+            if value != getattr(of, name)
         )
-        found.extend(Setting(f"{knob} = {value:g}", knob, {key: value}) for value in values if value != now)
 
-    turn(step_key, [step * f for f in ((0.5, 2.0) if quick else (0.25, 0.5, 1.5, 2.0))])
-    turn("far_field_tolerance", (0.0, 0.6) if quick else (0.0, 0.1, 0.2, 0.5, 0.8))
-    turn("far_approach", (0.0,) if quick else (0.0, 1.2, 1.5, 2.0, 3.0))
-    turn("sure_miss", (0.0,) if quick else (0.0, 0.25, 1.0))
-    turn("separation", (0.0,) if quick else (0.0, 1.2, 1.5, 2.0, 3.0))
-    turn("rotations", (2.0,) if quick else (1.0, 2.0, 4.0, 16.0))
-    turn("start_distance", () if quick else (2.5, 5.0, 10.0))
+    try_each(step_key, [step * f for f in ((0.5, 2.0) if quick else (0.25, 0.5, 1.5, 2.0))])
+    try_each("far_field_tolerance", (0.0, 0.6) if quick else (0.0, 0.1, 0.2, 0.5, 0.8))
+    try_each("far_approach", (0.0,) if quick else (0.0, 1.2, 1.5, 2.0, 3.0))
+    try_each("sure_miss", (0.0,) if quick else (0.0, 0.25, 1.0))
+    try_each("separation", (0.0,) if quick else (0.0, 1.2, 1.5, 2.0, 3.0))
+    try_each("rotations", (2.0,) if quick else (1.0, 2.0, 4.0, 16.0))
+    try_each("start_distance", () if quick else (2.5, 5.0, 10.0))
     found.append(Setting("rigid rotation off", "rigid_rotation", {"numerics.rigid_rotation": False}))
     found.append(Setting("stable ends off", "end_stable", {"numerics.end_stable": False}))
     if not quick and scene.hydrodynamics.lubrication:
@@ -133,142 +119,6 @@ def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
     if not quick:
         found.append(Setting("coarse, 2 rotations", "together", {**coarse, "numerics.rotations": 2.0}))
     return found
-
-
-Pair = tuple[Aggregate, Aggregate]
-
-
-def draw_pairs(scene: Scene, runs: Sequence[Path | str], count: int, seed: int) -> list[Pair]:
-    """Pairs of aggregates as they meet: from the late snapshots of runs, in proportion to (R_i + R_j)^3.
-
-    Raises `UserError` for runs of other primaries, or whose populations have no two aggregates.
-    """
-    radius, rng = scene.suspension.radius, stream(seed, "cost pairs")
-    populations: list[list[Aggregate]] = []
-    for path in runs:
-        run = RunDataset(path)
-        if not np.isclose(run.scene.suspension.radius, radius, rtol=1e-6):
-            raise UserError(
-                f"{path}: its primaries have a radius of {run.scene.suspension.radius:g} m, those of {scene.name} "
-                f"{radius:g} m; expected a run of the same suspension"
-            )
-        populations += [run.aggregates(snapshot) for snapshot in run.late_snapshots[-5:]]
-    populations = [population for population in populations if len(population) > 1]
-    if not populations:
-        raise UserError(
-            f"{', '.join(map(str, runs))}: no late snapshot has two aggregates that could meet; take a larger sample volume"
-        )
-    pairs: list[Pair] = []
-    for _ in range(count):
-        population = populations[rng.integers(len(populations))]
-        reach = np.array([a.outer_radius(radius) for a in population])
-        weight = (reach[:, None] + reach[None, :]) ** 3
-        np.fill_diagonal(weight, 0.0)
-        i, j = divmod(int(rng.choice(weight.size, p=(weight / weight.sum()).ravel())), len(population))
-        pairs.append((population[i], population[j]))
-    return pairs
-
-
-def young_population(
-    scene: Scene,
-    events: int,
-    workers: int,
-    executor: Executor | None,
-    folder: Path,
-    progress: Callable[[float], None] = lambda share: None,
-) -> Path:
-    """A short run of the scene with two rotations an encounter, for aggregates to try the settings on."""
-    from mcdem.monte_carlo.run_control import run
-
-    path = folder / "young.nc"
-    quick = scene.with_changes({"numerics.rotations": min(2.0, scene.numerics.rotations)})
-    done = run(
-        quick,
-        path,
-        events=events,
-        seed=scene.run.seed,
-        workers=workers,
-        executor=executor,
-        progress=lambda now: progress(now.done),
-    )
-    if done.ended_by == "interruption":
-        raise KeyboardInterrupt
-    return path
-
-
-@dataclass(frozen=True)
-class Sample:
-    """What came of one encounter under one setting."""
-
-    outcome: int
-    fragment: float
-    """Mass share of the largest product."""
-    geometry: float
-    """Relative change of the radius of gyration, mass-weighted mean over the products against that over the parents."""
-    cpu_time: float
-    """[s]"""
-    steps: int
-
-
-def _gyration(aggregates: Iterable[Aggregate], radius: float) -> float:
-    """Mass-weighted mean radius of gyration over the radius of primaries, with their own size."""
-    total = mass = 0.0
-    for a in aggregates:
-        squares = float(((a.positions - a.positions.mean(axis=0)) ** 2).sum()) / a.size / radius**2
-        total += a.size * np.sqrt(squares + 0.6)
-        mass += a.size
-    return total / mass
-
-
-_WARM: set[tuple[Any, ...]] = set()
-"""What this process has compiled or loaded: the types of flow and physics, and the scheme."""
-
-
-def warm_up(scene: Scene, pair: Pair) -> None:
-    """Have the code of such a scene compiled before anything is timed in this process."""
-    flow, physics = physics_of(scene)
-    signature = (*map(type, flow), *map(type, physics), scene.numerics.scheme)
-    if signature not in _WARM:
-        simulate_encounter(scene, *pair, seed=0)
-        if scene.effects.contact is not None:
-            warm_up_bodies(scene)
-        _WARM.add(signature)
-
-
-def warm_up_bodies(scene: Scene) -> None:
-    """Two tetrahedra meet, or miss each other and turn on as bodies."""
-    radius = scene.suspension.radius
-    corners = radius / np.sqrt(2.0) * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
-    bonds = [(i, j) for j in range(4) for i in range(j)]
-    tetrahedron = Aggregate.from_positions(scene, corners, bonds)
-    turning = scene.with_changes({"numerics.end_stable": False, "numerics.rotations": 0.1})
-    for height in (1.0, 5.0):
-        simulate_encounter(turning, tetrahedron, tetrahedron, offset=(0.0, height * radius), seed=0)
-
-
-def follow(scene: Scene, seed: int, number: int, pair: Pair) -> Sample:
-    """Follow one encounter of the sample."""
-    warm_up(scene, pair)
-    result = simulate_encounter(scene, *pair, seed=stream(seed, "cost encounter", number))
-    radius = scene.suspension.radius
-    sizes = np.array([a.size for a in result.products])
-    before, after = _gyration(pair, radius), _gyration(result.products, radius)
-    return Sample(
-        OUTCOMES.index(result.outcome),
-        float(sizes.max() / sizes.sum()),
-        after / before - 1.0,
-        result.cpu_time,
-        result.steps,
-    )
-
-
-def efficiency(scene: Scene, rays: int) -> float:
-    """eta_11 from `rays` directions, nan in a scene where nothing sticks."""
-    if scene.effects.contact is None:
-        return float("nan")
-    angles, weights = fejer(rays)
-    _, share = Capture(scene).along(angles)
-    return float(weights @ share)
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,11 +197,17 @@ def measure(
     seed: int = 0,
     rays: int = 4,
     executor: Executor | None = None,
-    progress: Callable[[str, int, int], None] = lambda name, done, wanted: None,
+    progress: Progress = lambda state, share: None,
 ) -> Iterator[Price]:
     """Price of each setting, one after another; the first must be the reference.
 
-    progress : called with the setting's name, and how many of its tasks are done of how many
+    Parameters
+    ----------
+    pairs : aggregates that meet (`mcdem.analysis.paired_encounters.sample_for`)
+    seed : of orientations and offsets
+    rays : directions from which eta_11 is found
+    executor : computes the encounters
+    progress : called with where it stands, in words, and the share done
     """
     if settings[0].name != REFERENCE:
         raise ValueError("settings: the first must be the reference")
@@ -360,38 +216,6 @@ def measure(
         if setting.name == REFERENCE:
             eta_ref, ref = eta, samples
         yield price(setting, eta, samples, eta_ref, ref)
-
-
-def sampled(
-    scene: Scene,
-    settings: Sequence[Setting],
-    pairs: Sequence[Pair],
-    seed: int,
-    rays: int,
-    executor: Executor | None,
-    progress: Callable[[str, int, int], None],
-) -> Iterator[tuple[Setting, float, list[Sample]]]:
-    """Each setting with its eta_11 from `rays` directions and what came of every pair, one after another.
-
-    progress : called with the setting's name, and how many of its tasks are done of how many
-    """
-    pool: Executor = executor or executors.Here()
-    wanted = len(pairs) + 1
-    for setting in settings:
-        changed = setting.of(scene)
-        # Compiled code and tables are not part of the price.
-        capture = executors.submit(pool, efficiency, changed, rays)
-        tasks = [
-            executors.submit(pool, partial(follow, changed, seed), number, pair)
-            for number, pair in enumerate(pairs)
-        ]
-        samples = []
-        for task in tasks:
-            samples.append(executors.result_of(task))
-            progress(setting.name, len(samples), wanted)
-        eta = executors.result_of(capture)
-        progress(setting.name, wanted, wanted)
-        yield setting, eta, samples
 
 
 TIMED, ROUNDS = 12, 3
@@ -483,22 +307,81 @@ def cheapest(prices: Sequence[Price], error: float) -> Price | None:
     return best
 
 
-def sample_for(
-    scene: Scene,
-    runs: Sequence[Path],
-    count: int,
-    seed: int,
-    events: int,
-    workers: int,
-    executor: Executor | None,
-    progress: Callable[[float], None] = lambda share: None,
-) -> list[Pair]:
-    """Pairs from the runs given, or from a young population made for the purpose.
+def price_table(prices: Sequence[Price], count: int) -> Table:
+    """The prices as a table; `count` : encounters in the sample."""
+    from rich.table import Table
 
-    progress : called with the share of that run that is done
+    table = Table(
+        "setting",
+        "CPU, ms",
+        "steps",
+        "eta_11",
+        "outcome",
+        "fragment",
+        "geometry",
+        "other outcome",
+        title=f"error against the reference, {count} encounters (below: 95 % limit); * changes physics, not only numerics",
+    )
+    for p in prices:
+        errors = [
+            f"{e:.4f}" + (f" (below {limit:.2g})" if k and p.setting.name != REFERENCE else "")
+            for k, (e, limit) in enumerate(zip(p.error, p.limit, strict=True))
+        ]
+        time = f"{1e3 * p.cpu_time:.1f}"
+        if p.time_error > 0.0:
+            time += f" +- {1e3 * p.time_error:.1f}"
+        low, high = share(round(p.differing * count), count)[1:]
+        name = p.setting.name + (" *" if p.setting.of_physics else "")
+        table.add_row(name, time, f"{p.steps:.0f}", *errors, f"{p.differing:.1%} ({low:.1%} to {high:.1%})")
+    return table
+
+
+def recommendation(prices: Sequence[Price], pairs: Sequence[Pair], error: float) -> list[str]:
+    """In words, which setting is the cheapest within `error`, or what it takes to find one; a warning of a poor sample first."""
+    best, count = cheapest(prices, error), len(pairs)
+    warning = few_aggregates(pairs)
+    lines = [f"Beware: {warning}."] if warning else []
+    if best is None:
+        lines.append(
+            f"No setting is shown to be within {error:g}: of {count} encounters none that differs still leaves a share of "
+            f"{share(0, count)[2]:.2g} (95 %). It takes {encounters_to_decide(error)} without a difference, more with some: "
+            "raise --encounters, or --error."
+        )
+    else:
+        changes = ", ".join(f"{k} = {v}" for k, v in best.setting.changes.items()) or "the scene as it is"
+        lines.append(
+            f"Cheapest within {error:g}: {best.setting.name} ({changes}), {1e3 * best.cpu_time:.1f} ms an encounter, "
+            f"{prices[0].cpu_time / best.cpu_time:.1f} times less than the reference."
+        )
+    return lines
+
+
+def write_prices(prices: Sequence[Price], path: Path) -> None:
+    """The prices as a table of text (CSV), a row each; raises `UserError` where it cannot be written."""
+    text = io.StringIO()
+    rows = csv.writer(text)
+    names = [name for q in QUANTITIES for name in (f"error_{q}", f"standard_error_{q}", f"limit_{q}")]
+    rows.writerow(["setting", "varied", "cpu_time_s", "time_error_s", "steps", "other_outcome", *names])
+    for p in prices:
+        values = [v for row in zip(p.error, p.deviation, p.limit, strict=True) for v in row]
+        first = [p.setting.name, p.setting.varied, p.cpu_time, p.time_error]
+        rows.writerow([*first, p.steps, p.differing, *values])
+    FILES.write(path, COST, text.getvalue())
+
+
+def read_prices(path: Path | str) -> list[dict[str, Any]]:
+    """Rows of a table that `write_prices` or `mcdem cost` wrote, numbers as numbers.
+
+    In earlier tables the column `varied` is called `knob`; here it is `varied`.  Raises `UserError` for any other file.
     """
-    if runs:
-        return draw_pairs(scene, runs, count, seed)
-    with FILES.scratch() as folder:
-        run = young_population(scene, events, workers, executor, folder, progress)
-        return draw_pairs(scene, [run], count, seed)
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, ValueError) as problem:
+        raise UserError(f"{path}: cannot be read: {problem}") from None
+    if not text.encode().startswith(COST.begins):
+        raise UserError(f"{path}: expected a {COST.words}, with the columns setting, varied, cpu_time_s, ...")
+    rows = [
+        {"varied" if k == "knob" else k: v for k, v in row.items()}
+        for row in csv.DictReader(io.StringIO(text))
+    ]
+    return [{k: v if k in ("setting", "varied") else float(v) for k, v in row.items()} for row in rows]

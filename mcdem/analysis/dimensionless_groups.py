@@ -58,6 +58,21 @@ def check(scene: Scene) -> list[Finding]:
     ]
 
 
+def warnings_before(scene: Scene, until: float | None = None, events: int | None = None) -> list[str]:
+    """What is worth a line before a run begins: the size of what it writes, if large, and what `check` warns of.
+
+    Parameters
+    ----------
+    until [s], events : where the run is to stop, instead of the scene's
+    """
+    expected = output_of(scene, until, events)
+    lines = [f"note: {expected.words}"] if expected is not None and expected.large else []
+    # Of another stop than the scene's: its output would be counted twice.
+    endless = scene.model_copy(update={"run": scene.run.model_copy(update={"until": None, "events": None})})
+    found = (finding for finding in check(endless) if finding.verdict == "warning")
+    return lines + [f"warning: {finding.name} = {finding.value:.3g}: {finding.words}" for finding in found]
+
+
 def of_several(scene: Scene, which: str) -> str:
     """Which primaries a number is of, where the suspension has several radii."""
     return "" if scene.suspension.radii is None else f", {which}"
@@ -249,7 +264,7 @@ RAYS = 2
 
 def eta_with_and_without(scene: Scene, key: str) -> tuple[float, float]:
     """eta_11 of two primaries of the scene, and of the scene without what `key` names; from the boundaries of capture."""
-    from mcdem.analysis.accuracy_cost import efficiency
+    from mcdem.analysis.paired_encounters import efficiency
     from mcdem.integrators import DEFAULT
 
     implicit = scene.with_changes({"numerics.scheme": DEFAULT})

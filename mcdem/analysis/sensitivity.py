@@ -7,17 +7,21 @@ effects, rotations, the scheme.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import csv
+import io
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcdem.analysis.accuracy_cost import GIVEN, Pair, Sample, Setting, sampled
+from mcdem.analysis.paired_encounters import GIVEN, Pair, Progress, Sample, Setting, sampled
 from mcdem.analysis.statistics import mean_limits, share
 from mcdem.encounter.simulate import OUTCOMES
 from mcdem.monte_carlo.sweep import toml_value
+from mcdem.netcdf.whole_files import FILES, SENSITIVITY
 from mcdem.scene import Scene
 
 ETA = "eta_11"
@@ -113,8 +117,8 @@ def limits_of(spread: NDArray[np.float64], *, is_share: bool) -> tuple[float, fl
     if not is_share:
         if np.count_nonzero(spread) < 2:
             return float("nan"), float("nan")
-        mean, reach = mean_limits(spread)
-        return mean - reach, mean + reach
+        mean, half = mean_limits(spread)
+        return mean - half, mean + half
     gain, loss = (share(int((sign * spread > 0.0).sum()), count) for sign in (1.0, -1.0))
     value = gain[0] - loss[0]
     low = value - np.hypot(gain[0] - gain[1], loss[2] - loss[0])
@@ -122,7 +126,7 @@ def limits_of(spread: NDArray[np.float64], *, is_share: bool) -> tuple[float, fl
     return float(low), float(high)
 
 
-def vary(
+def compare_settings(
     scene: Scene,
     settings: Sequence[Setting],
     pairs: Sequence[Pair],
@@ -130,14 +134,61 @@ def vary(
     seed: int = 0,
     rays: int = 4,
     executor: Executor | None = None,
-    progress: Callable[[str, int, int], None] = lambda name, done, wanted: None,
+    progress: Progress = lambda state, share: None,
 ) -> Iterator[list[Difference]]:
     """Differences under each setting, one after another; the first, the scene as given, has none but is yielded too.
 
-    progress : called with the setting's name, and how many of its tasks are done of how many
+    Parameters
+    ----------
+    settings : the scene as given and its changes (`settings_from`)
+    pairs : aggregates that meet (`mcdem.analysis.paired_encounters.sample_for`)
+    seed : of orientations and offsets
+    rays : directions from which eta_11 is found
+    executor : computes the encounters
+    progress : called with where it stands, in words, and the share done
     """
     eta_given, given = float("nan"), list[Sample]()
     for setting, eta, samples in sampled(scene, settings, pairs, seed, rays, executor, progress):
         if not given:
             eta_given, given = eta, samples
         yield differences(setting, (eta_given, eta), given, samples)
+
+
+def sensitivity_report(found: Sequence[Difference]) -> list[str]:
+    """The differences in words, a line each; those that are surely there are marked."""
+    count = found[0].encounters
+    lines = [f"{count} encounters; [95 % limits of the difference]; * where they leave nought out"]
+    for name in dict.fromkeys(d.setting.name for d in found):
+        of = [d for d in found if d.setting.name == name]
+        lines.append(f"{name}  ({1e3 * of[0].cpu_time:.1f} ms)")
+        for d in of:
+            if d.given != d.given:
+                continue
+            line = f"  {d.quantity:16s} {d.given:8.4f} -> {d.changed:8.4f}"
+            if d.setting.name == GIVEN:
+                line = f"  {d.quantity:16s} {d.given:8.4f}"
+            elif d.quantity == ETA:
+                line += f"  {d.value:+.4f}"
+            elif not d.differing:
+                line += f"  none of {count} differs [at most {share(0, count)[2]:.1%} do]"
+            elif d.low == d.low:
+                line += f"  {d.value:+.4f} [{d.low:+.4f}, {d.high:+.4f}]{' *' * d.is_seen}"
+            else:
+                line += f"  {d.value:+.4f}, of one encounter"
+            lines.append(line)
+    return lines
+
+
+def write_differences(found: Sequence[Difference], path: Path) -> None:
+    """The differences as a table of text (CSV), a row each; raises `UserError` where it cannot be written."""
+    text = io.StringIO()
+    rows = csv.writer(text)
+    rows.writerow(
+        "setting key quantity as_given changed difference standard_error low high differing encounters cpu_time_s".split()
+    )
+    for d in found:
+        rows.writerow(
+            [d.setting.name, d.setting.varied, d.quantity, d.given, d.changed, d.value, d.error,
+             d.low, d.high, d.differing, d.encounters, d.cpu_time]
+        )  # fmt: skip
+    FILES.write(path, SENSITIVITY, text.getvalue())

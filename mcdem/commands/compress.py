@@ -8,17 +8,21 @@ from typing import Annotated
 import typer
 
 from mcdem.arguments import PERIOD
-from mcdem.commands import Dataset, read_quantity
+from mcdem.commands import Dataset, Overwrite, quantity
 
 
 def compress(
     file: Dataset,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Dataset to write.")],
     every: Annotated[
-        str | None,
-        typer.Option(metavar="TIME", help='Time between the snapshots that are kept, such as "5 s".'),
+        float | None,
+        typer.Option(
+            metavar="TIME",
+            parser=quantity("--every", PERIOD),
+            help='Time between the snapshots that are kept, such as "5 s".',
+        ),
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output if it exists.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Make a run's dataset small: fewer snapshots, rounded numbers, compression. `mcdem run --resume` continues it.
 
@@ -28,9 +32,8 @@ def compress(
     from mcdem.netcdf.whole_files import FILES, RUN
 
     FILES.check(output, RUN, overwrite=overwrite)
-    spacing = None if every is None else read_quantity("--every", every, PERIOD)
     from mcdem.monte_carlo.compress import compress as compress_dataset
 
-    compress_dataset(file, output, spacing)
+    compress_dataset(file, output, every)
     before, after = file.stat().st_size / 2**20, output.stat().st_size / 2**20
     typer.echo(f"{output} written: {after:.2f} MiB of {before:.2f} MiB")

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from mcdem.commands import LARGEST_SEED, MOST_SAMPLED, SceneFile, finite
-from mcdem.commands.run import Engine
-from pbekit import endings
+from mcdem.arguments import ExecutorKind
+from mcdem.commands import MOST_SAMPLED, Kind, Overwrite, SceneFile, Scheduler, Seed, Workers
+from pbekit.program import finite
 
 
 def kernels(
@@ -57,76 +57,42 @@ def kernels(
         typer.Option(help='Second coordinate: "aspect ratio", "outer radius" or "radius of gyration".'),
     ] = "aspect ratio",
     shapes: Annotated[int, typer.Option(min=1, max=20, help="Classes of shape; 1 for sizes alone.")] = 3,
-    seed: Annotated[
-        int | None,
-        typer.Option(
-            min=0, max=LARGEST_SEED, help="Seed of the designed encounters, instead of the scene's."
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Workers that compute encounters; the table is the same.")
-    ] = None,
-    executor: Annotated[
-        Engine, typer.Option(help="process: this machine; mpi: ranks of mpiexec; dask: a cluster.")
-    ] = Engine.process,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Address of the dask cluster, such as tcp://host:8786."),
-    ] = None,
+    seed: Seed = None,
+    workers: Workers = None,
+    executor: Kind = ExecutorKind.process,
+    scheduler: Scheduler = None,
     resume: Annotated[bool, typer.Option("--resume", help="Extend KERNELS, if it exists.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace KERNELS if it exists.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Tabulate the outcomes of encounters, class by class, for `pbekit solve` and `pbekit compare`.
 
     A run's events are re-used; designed encounters go where they reduce the error of the balance's steady mean size most.
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, TextColumn
-    from rich.progress import Progress as Bar
-
-    from mcdem.commands.progress import RunDisplay
-    from mcdem.kernel_tables import TableProgress, refuse_unwritable, tabulate
+    from mcdem.kernel_tables import refuse_unwritable, tabulate
     from mcdem.monte_carlo import executors, run_control
     from mcdem.scene import load_scene
+    from pbekit.progress import ProgressBar
 
     loaded = load_scene(scene)
     file = output or Path(f"{loaded.name}.kernels.nc")
     refuse_unwritable(file, resume=resume, overwrite=overwrite)
-    with executors.opened(executor.value, workers, scheduler) as crew:
+    with executors.opened(executor, workers, scheduler) as crew:
         if not runs:
             runs = [file.with_suffix(".run.nc")]
-            with RunDisplay(loaded.name) as display:
+            with ProgressBar(loaded.name, at_once=True) as progress:
                 run = run_control.run(
                     loaded,
                     runs[0],
                     workers=crew.workers,
                     executor=crew.executor,
-                    resume=runs[0].exists(),
-                    progress=display,
+                    resume=True,
+                    progress=lambda now: progress(str(now), now.done),
                 )
             if run.ended_by == "interruption":
                 raise KeyboardInterrupt(
                     f"{runs[0]} holds the encounters computed, the table is not begun: the same command goes on from there"
                 )
-        console = Console(stderr=True)
-        columns = (
-            TextColumn("designed encounters"),
-            BarColumn(bar_width=20),
-            TextColumn("{task.fields[state]}"),
-        )
-        with Bar(*columns, console=console, disable=not console.is_terminal) as bar:
-            task = bar.add_task("", total=encounters, state="")
-            said = [0.0]
-
-            def show(now: TableProgress) -> None:
-                state = f"{now.reused} from runs, {now.designed} of {now.wanted} designed"
-                if now.mean_size is not None and now.error is not None:
-                    state += f"; steady <P> = {now.mean_size:.3g} +- {100 * now.error:.2g} %"
-                bar.update(task, completed=now.designed, state=state)
-                if not console.is_terminal and now.elapsed >= said[0]:
-                    said[0] = now.elapsed + 30.0
-                    console.print(state, markup=False, highlight=False, soft_wrap=True)
-
+        with ProgressBar("designed encounters", at_once=True) as progress:
             done = tabulate(
                 loaded,
                 file,
@@ -141,14 +107,8 @@ def kernels(
                 executor=crew.executor,
                 resume=resume,
                 overwrite=overwrite,
-                progress=show,
+                progress=lambda now: progress(str(now), now.done),
             )
-    line = f"{done.path}: {done.reused} encounters from runs, {done.designed} designed"
-    if done.mean_size is not None and done.error is not None:
-        line += f"; steady <P> = {done.mean_size:.3g}, standard error {100 * done.error:.2g} %"
-    typer.echo(f"{line}; ended by {done.ended_by}")
-    if done.refusal:
-        typer.echo(done.refusal)
+    typer.echo(str(done))
     if done.ended_by == "interruption":
-        endings.tell(KeyboardInterrupt(f"{file} holds all that was computed: --resume goes on from there"))
-        raise typer.Exit(endings.exit_code())
+        raise KeyboardInterrupt(f"{file} holds all that was computed: --resume goes on from there")

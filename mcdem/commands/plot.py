@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mcdem.commands import Dataset
+from mcdem.commands import Dataset, Overwrite
 
 
 def plot(
@@ -15,7 +15,7 @@ def plot(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FIGURE", help="Figure to write (png, pdf, svg).")
     ],
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the figure if it exists.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Draw the mean size `<P>(t)` and the Sauter diameter `d32(t)` with the slope of Eq. 22 at the start."""
     from mcdem.netcdf.whole_files import FILES

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
 import typer
 
-from mcdem.commands import Dataset
+from mcdem.commands import Dataset, Overwrite, Page
 
 
 def report(
     file: Dataset,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", metavar="PAGE", help="Page to write; default: FILE's name, with .html."
-        ),
-    ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the page if it exists.")] = False,
+    output: Page = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a page about a run: parameters, outcomes, figures, the paper's numbers beside its own, warnings."""
     page = output or file.with_suffix(".html")

@@ -7,22 +7,19 @@ from typing import Annotated
 
 import typer
 
+from mcdem.commands import Overwrite, Page
+
 
 def view(
     file: Annotated[
         Path,
         typer.Argument(metavar="FILE", help="Trajectory of `mcdem encounter`, or dataset of `mcdem run`."),
     ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", metavar="PAGE", help="Page to write; default: FILE's name, with .html."
-        ),
-    ] = None,
+    output: Page = None,
     snapshot: Annotated[
         int, typer.Option(help="Which snapshot of a dataset, from 0; negative numbers count from the end.")
     ] = -1,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the page if it exists.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a page in which an encounter can be turned and played, or a population looked at; it needs no network."""
     page = output or file.with_suffix(".html")

@@ -84,18 +84,18 @@ def pair_efficiency(
         raise UserError(f"rays = {rays}: expected an even number, at least 2")
     angles, weights = fejer(rays)
 
-    def tell(encounters: int) -> None:
+    def report(encounters: int) -> None:
         # A ray is scanned and its one boundary bisected, then followed with half the step.
         progress(f"{encounters} encounters", min(encounters / (rays * (SCANNED + 30.0)), 1.0))
 
-    capture = Capture(scene, tell)
+    capture = Capture(scene, report)
     segments, by_ray = capture.along(angles)
     at_step = float(weights @ by_ray)
     # Every second ray is a node of the rule with half as many.
     _, coarse = fejer(rays // 2)
     quadrature = abs(float(coarse @ by_ray[1::2]) - at_step)
 
-    finer = Capture(_half_step(scene), lambda encounters: tell(capture.encounters + encounters))
+    finer = Capture(_half_step(scene), lambda encounters: report(capture.encounters + encounters))
     moved = np.array(
         [
             sum(

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mcdem.analysis.accuracy_cost import REFERENCE, Price, front
+from mcdem.analysis.accuracy_cost import Price, front
+from mcdem.analysis.paired_encounters import REFERENCE
 from mcdem.figures.style import BLACK, GREY, MARKERS, canvas, colour, legend, look
 from mcdem.netcdf.whole_files import FILES
 
@@ -21,11 +22,11 @@ def draw_front(prices: Sequence[Price], path: Path, name: str, count: int) -> No
     Left the efficiency of pairs, which is not sampled; right the largest error of the `count` sampled encounters.
     """
     shown = [p for p in prices if p.setting.name != REFERENCE]
-    knobs = list(dict.fromkeys(p.setting.knob for p in shown))
+    varied = list(dict.fromkeys(p.setting.varied for p in shown))
     with look():
         figure, (pairs, sampled) = canvas(7.2, 3.2, ncols=2, sharex=True)
-        for number, knob in enumerate(knobs):
-            of = [p for p in shown if p.setting.knob == knob]
+        for number, name in enumerate(varied):
+            of = [p for p in shown if p.setting.varied == name]
             time = np.array([1e3 * p.cpu_time for p in of])
             # Six colours and six markers, shifted at every turn, tell 36 settings apart.
             form = {
@@ -41,7 +42,7 @@ def draw_front(prices: Sequence[Price], path: Path, name: str, count: int) -> No
                 time,
                 error,
                 yerr=[np.zeros_like(spread), np.maximum(spread, 0.0)],
-                label=knob.replace("_", " "),
+                label=name.replace("_", " "),
                 **form,
             )
         for axes, measure in (

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mcdem.analysis.accuracy_cost import GIVEN
+from mcdem.analysis.paired_encounters import GIVEN
 from mcdem.analysis.sensitivity import ETA, STRICT, Difference
 from mcdem.figures.style import BLUE, GREY, canvas, look
 from mcdem.netcdf.whole_files import FILES

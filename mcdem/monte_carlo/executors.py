@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import threadpoolctl
 
+from mcdem.arguments import ExecutorKind
 from mcdem.errors import UserError
 from mcdem.quantities.random_streams import stream
 from pbekit import endings
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     from mcdem.aggregates.aggregate import Aggregate
     from mcdem.encounter.simulate import EncounterResult
     from mcdem.scene import Scene
-
-KINDS = ("process", "mpi", "dask")
 
 
 class Crew(NamedTuple):
@@ -57,7 +56,7 @@ class Here(Executor):
 # Failures of the executor
 
 
-class EngineError(UserError):
+class ExecutorError(UserError):
     """The executor failed, in whatever way: the task it was given may be done again on another."""
 
 
@@ -81,15 +80,15 @@ def guarded(task: Callable[..., Any], *args: Any) -> Any:
 
 
 def submit(executor: Executor, task: Callable[..., Any], *args: Any) -> Future[Any]:
-    """Give a task to an executor; its result is for `result_of`.  Raises `EngineError`."""
+    """Give a task to an executor; its result is for `result_of`.  Raises `ExecutorError`."""
     try:
         return executor.submit(guarded, task, *args)
     except Exception as problem:
-        raise _engine_error(problem) from problem
+        raise _executor_error(problem) from problem
 
 
 def result_of(future: Future[Any]) -> Any:
-    """The result of a task; raises the task's own exception, and `EngineError` for any other."""
+    """The result of a task; raises the task's own exception, and `ExecutorError` for any other."""
     try:
         result = future.result()
     except (KeyboardInterrupt, SystemExit):
@@ -97,15 +96,15 @@ def result_of(future: Future[Any]) -> Any:
     except (
         BaseException
     ) as problem:  # BrokenExecutor, CancelledError of two kinds, KilledWorker, CommClosedError ...
-        raise _engine_error(problem) from problem
+        raise _executor_error(problem) from problem
     if isinstance(result, Failed):
         raise result.problem
     return result
 
 
-def _engine_error(problem: BaseException) -> EngineError:
+def _executor_error(problem: BaseException) -> ExecutorError:
     said = " ".join(str(problem).split())
-    return EngineError(
+    return ExecutorError(
         "what computes the encounters failed: a worker died, of lack of memory or by another's hand, or the cluster was "
         f"closed ({type(problem).__name__}{': ' + said[:200] if said else ''})"
     )
@@ -167,7 +166,7 @@ def opened(
                 crew.executor, number_of(workers, crew.workers, "the threads of the cluster's workers")
             )
         else:
-            raise UserError(f'executor = "{kind}": expected one of {", ".join(KINDS)}')
+            raise UserError(f'executor = "{kind}": expected one of {", ".join(ExecutorKind)}')
 
 
 class _Processes(ProcessPoolExecutor):

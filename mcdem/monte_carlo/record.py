@@ -612,8 +612,8 @@ def event_columns(file: netCDF4.Dataset) -> dict[str, Column]:
 
 
 def _restored(row: str, variable: Variable, values: NDArray[Any]) -> Column:
-    told = {"units": variable.units, "long_name": variable.long_name, **dict(variable.attributes)}
-    return Column((row, *(name for name, _ in variable.shape)), told, values)
+    attributes = {"units": variable.units, "long_name": variable.long_name, **dict(variable.attributes)}
+    return Column((row, *(name for name, _ in variable.shape)), attributes, values)
 
 
 def compact_columns(columns: dict[str, Column]) -> dict[str, Column]:

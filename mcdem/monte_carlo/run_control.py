@@ -9,9 +9,10 @@ from __future__ import annotations
 import contextlib
 import time as clock
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
 
 import threadpoolctl
@@ -20,7 +21,7 @@ from mcdem.arguments import scene_at_door, stop_at_door
 from mcdem.encounter.simulate import simulate_encounter
 from mcdem.errors import DataFileError, UserError
 from mcdem.monte_carlo import executors
-from mcdem.monte_carlo.executors import Encounter, EngineError
+from mcdem.monte_carlo.executors import Encounter, ExecutorError
 from mcdem.monte_carlo.process import Process
 from mcdem.monte_carlo.speculative_execution import SpeculativeExecution
 from mcdem.netcdf.whole_files import FILES, RUN
@@ -52,6 +53,13 @@ class RunProgress:
     elapsed: float
     """Wall-clock time since `run` was called [s]."""
 
+    def __str__(self) -> str:
+        parts = [_reached(self.time, self.events, self.outcomes), f"<P> = {self.mean_size:.2f}"]
+        # The first events wait for the compiler, and say nothing about the pace.
+        if self.remaining is not None and self.done > 0.01:
+            parts.append(f"{timedelta(seconds=round(self.remaining))} left")
+        return ", ".join(parts)
+
 
 @dataclass(frozen=True)
 class RunSummary:
@@ -71,6 +79,15 @@ class RunSummary:
     """... those among them that did not take place, ..."""
     elapsed: float
     """... and its wall-clock time [s]."""
+
+    def __str__(self) -> str:
+        return f"{_reached(self.time, self.events, self.outcomes)}; ended by {self.ended_by}"
+
+
+def _reached(time: float, events: int, outcomes: Mapping[str, int]) -> str:
+    """Where a process is, in words."""
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items() if count)
+    return f"t = {time:.4g} s, {events} events" + (f" ({counts})" if counts else "")
 
 
 def run(
@@ -106,7 +123,7 @@ def run(
     checkpoint_every : longest time between two writings [s]; but writing takes at most 2 % of the time
 
     Ctrl-C, SIGTERM and SIGHUP end the run in order; the dataset then holds everything until the last encounter.
-    Raises `UserError` for what the user can mend; `EngineError`, the dataset written, for whatever befell the executor.
+    Raises `UserError` for what the user can mend; `ExecutorError`, the dataset written, for whatever befell the executor.
     """
     scene_at_door(scene)
     end, events = stop_at_door(until, events)
@@ -154,13 +171,13 @@ def run(
                     ended_by = "interruption"
                     continue
                 except BaseException as problem:
-                    engine = isinstance(problem, EngineError)
-                    if engine and endings.asked(within=0.5):
+                    of_executor = isinstance(problem, ExecutorError)
+                    if of_executor and endings.asked(within=0.5):
                         ended_by = "interruption"
                         continue
                     writing.now()
-                    if engine:
-                        raise EngineError(
+                    if of_executor:
+                        raise ExecutorError(
                             f"{problem}; {path} holds everything until t = {process.time:.6g} s: continue with "
                             "--resume, maybe on fewer workers"
                         ) from problem

@@ -115,7 +115,7 @@ class SpeculativeExecution:
     def result(self, meetings: Meetings) -> EncounterResult:
         """The result of the first of the encounters ahead.
 
-        Raises the encounter's own exception, or `EngineError` for whatever else fails.
+        Raises the encounter's own exception, or `ExecutorError` for whatever else fails.
         """
         if meetings.epoch != self._epoch:
             self.close()
@@ -180,9 +180,9 @@ class SpeculativeExecution:
             self._status[number] = BEGUN
             for place in places:
                 insort(self._chain[place], number)
-            future.add_done_callback(partial(self._tell, number))
+            future.add_done_callback(partial(self._note_finished, number))
 
-    def _tell(self, number: int, future: Future[EncounterResult]) -> None:
+    def _note_finished(self, number: int, future: Future[EncounterResult]) -> None:
         """Called in whatever thread."""
         self._finished.put((number, future))
 

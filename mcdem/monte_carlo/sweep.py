@@ -34,7 +34,7 @@ from mcdem.arguments import scene_at_door, stop_at_door, whole_number
 from mcdem.encounter.simulate import simulate_encounter
 from mcdem.errors import UserError
 from mcdem.monte_carlo import run_control
-from mcdem.monte_carlo.executors import Encounter, EngineError, local_processes, result_of, submit
+from mcdem.monte_carlo.executors import Encounter, ExecutorError, local_processes, result_of, submit
 from mcdem.monte_carlo.record import reached
 from mcdem.netcdf.whole_files import FILES, INDEX
 from mcdem.quantities.random_streams import checked
@@ -70,6 +70,10 @@ class Member:
     events: int = 0
     why: str = ""
     """Why it failed."""
+
+    def __str__(self) -> str:
+        line = f"{self.file.name}: {self.state}, t = {self.time:.4g} s, {self.events} events"
+        return f"{line}: {self.why}" if self.why else line
 
 
 def parse_setting(given: str) -> tuple[str, list[str]]:
@@ -213,7 +217,7 @@ def sweep(
     progress : called with each member when it is done, has failed or was interrupted
 
     A member that fails does not stop the others; Ctrl-C, SIGTERM and SIGHUP let each write its dataset.  Returns all members.
-    Raises `EngineError` where a cluster is lost; members on it have their datasets.
+    Raises `ExecutorError` where a cluster is lost; members on it have their datasets.
     """
     scene_at_door(scene)
     folder = Path(folder)
@@ -286,9 +290,9 @@ class _Sweep:
             for future in as_completed(futures):
                 try:
                     self._settle(futures[future], future)
-                except EngineError:
+                except ExecutorError:
                     broken.append(futures[future])
-        except EngineError:
+        except ExecutorError:
             broken = [k for k in waiting if self._members[k].state in ("waiting", "running")]
         except KeyboardInterrupt:
             self._interrupt(executor, futures)
@@ -297,7 +301,7 @@ class _Sweep:
             for k in broken:
                 self._members[k] = replace(self._members[k], state="waiting")
             self._write_index()
-            raise EngineError(
+            raise ExecutorError(
                 f"{len(broken)} members were lost with the cluster that ran them; {self._index.parent} holds what they "
                 "had written: the same command goes on from there"
             )
@@ -321,16 +325,16 @@ class _Sweep:
             if self._members[k].state == "running":
                 if future.done() and not future.cancelled():
                     # A member that was asked before its dataset was opened hands its own interruption back.
-                    with contextlib.suppress(EngineError, KeyboardInterrupt):
+                    with contextlib.suppress(ExecutorError, KeyboardInterrupt):
                         self._settle(k, future)
                         continue
                 self._members[k] = replace(self._members[k], state="waiting")
 
     def _settle(self, k: int, future: Future[run_control.RunSummary]) -> None:
-        """Note what came of a member; raises `EngineError` if its worker died."""
+        """Note what came of a member; raises `ExecutorError` if its worker died."""
         try:
             summary: run_control.RunSummary = result_of(future)
-        except EngineError:
+        except ExecutorError:
             raise
         except UserError as problem:
             self._update(k, state="failed", why=str(problem))

@@ -164,9 +164,9 @@ def interpolate(
     lower = [table for table in known if stress_of(table) <= stress]
     upper = [table for table in known if stress_of(table) > stress]
     if not lower or not upper:
-        told = ", ".join(f"{stress_of(table):g}" for table in known)
+        stresses = ", ".join(f"{stress_of(table):g}" for table in known)
         raise PBEError(
-            f"stress = {stress:g} Pa: expected one between two of the tables' ({told} Pa); beyond them nothing is known"
+            f"stress = {stress:g} Pa: expected one between two of the tables' ({stresses} Pa); beyond them nothing is known"
         )
     return InterpolatedRates(lower[-1], upper[0], stress, grid, outcomes)
 

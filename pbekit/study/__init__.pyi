@@ -1,4 +1,4 @@
-from .ablation import switch_table as switch_table
+from .ablation import ablation_table as ablation_table
 from .compare import Comparison as Comparison
 from .compare import compare_table as compare_table
 from .compare import volume_fractions as volume_fractions

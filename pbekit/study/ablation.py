@@ -18,7 +18,7 @@ from pbekit.tables.kernel_table import KernelTable, size_classes, size_ratio
 SUMMARY = ("mean_size", "relative_deviation", "sauter_diameter")
 
 
-def switches(table: KernelTable) -> Iterator[tuple[str, Callable[[], EstimatedRates], str]]:
+def changed_assumptions(table: KernelTable) -> Iterator[tuple[str, Callable[[], EstimatedRates], str]]:
     """(name, estimated, scheme): one assumption of the balance changed in each."""
     ratio = size_ratio(len(table.records))
 
@@ -84,7 +84,7 @@ def to_32(share: np.ndarray) -> np.ndarray:
     return np.append(np.pad(share[:32], (0, max(0, 32 - share.size))), share[32:].sum())
 
 
-def switch_table(
+def ablation_table(
     table: KernelTable,
     initial: int,
     duration: float | None,
@@ -101,7 +101,7 @@ def switch_table(
     """
     names, rows = [], []
     off = lambda share: np.nan if counted is None else distance(to_32(share), to_32(counted[1:]))
-    for name, make, scheme in switches(table):
+    for name, make, scheme in changed_assumptions(table):
         estimated = make()
         balance = estimated.balance(scheme=scheme)
         start = start_of(estimated.grid, table)
@@ -130,8 +130,8 @@ def switch_table(
     rows.append([*values, float(early.mean_size[-1]), off(early.share.values[1:])])
     columns = (*SUMMARY, "end_mean_size", "late_distance")
     return xr.Dataset(
-        {c: ("switch", [row[k] for row in rows]) for k, c in enumerate(columns)},
-        {"switch": names},
+        {c: ("assumption", [row[k] for row in rows]) for k, c in enumerate(columns)},
+        {"assumption": names},
         {"until": float(times[-1])},
     )
 

@@ -24,7 +24,7 @@ from pbekit.errors import PBEError
 from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
 from pbekit.solution.finite_population import population_course
 from pbekit.solution.steady import SteadyState, steady_state
-from pbekit.study.ablation import SUMMARY, distance, settling_time, switch_table, to_32
+from pbekit.study.ablation import SUMMARY, ablation_table, distance, settling_time, to_32
 from pbekit.study.analytical import AnalyticalBalance
 from pbekit.study.evidence import supported_steady_state
 from pbekit.study.monte_carlo import STEADY_SHARE, MonteCarlo
@@ -36,7 +36,7 @@ COURSE = (("mean_size", "1"), ("size_deviation", "1"), ("sauter_diameter", "m"))
 
 @dataclass(frozen=True)
 class Comparison:
-    """The three accounts at one stress: `course` over time, `distribution` of sizes, `numbers`, `switches`.
+    """The three accounts at one stress: `course` over time, `distribution` of sizes, `numbers`, `ablation`.
 
     Bands: *_low, *_high hold 90 % of what the table leaves open; *_run_low, *_run_high 90 % of single runs of the Monte
     Carlo's size to come, table and finite population together.  `distribution`: density at steady state, late_density
@@ -47,7 +47,7 @@ class Comparison:
     course: xr.Dataset
     distribution: xr.Dataset
     numbers: dict[str, float]
-    switches: xr.Dataset
+    ablation: xr.Dataset
     table: KernelTable
     run: MonteCarlo | None
     steady: SteadyState | None
@@ -102,7 +102,7 @@ def compare_table(
     arguments.whole_number("seed", seed, 0, arguments.LARGEST_SEED)
     if until is not None:
         arguments.until(until)
-    tell = progress or (lambda what, share: None)
+    report = progress or (lambda what, share: None)
     if run is not None and run.scene and table.about.get("scene"):
         differs = other_tables(run.scene, str(table.about["scene"]))
         if differs:
@@ -114,7 +114,7 @@ def compare_table(
     times = np.linspace(0.0, until, 121)
     estimated = EstimatedRates(table, grid_for(table))
     start = start_of(estimated.grid, table)
-    tell("steady state", 0.05)
+    report("steady state", 0.05)
     steady, evidence = supported_steady_state(estimated, start)
     mean = None if steady is None else steady_summary(estimated.mean, steady.population)
     late = (1 - STEADY_SHARE) * (until if run is None else min(until, float(run.time[-1])))
@@ -126,7 +126,7 @@ def compare_table(
         return found if both_steady is None else found | dict(both_steady(balance))
 
     centre = output(estimated.mean)
-    drawn = draws_of(estimated, output, draws, seed, lambda k: tell("draws", 0.05 + 0.5 * k / draws))
+    drawn = draws_of(estimated, output, draws, seed, lambda k: report("draws", 0.05 + 0.5 * k / draws))
     replica = None
     if run is not None:
         replica = population_course(
@@ -138,13 +138,13 @@ def compare_table(
             seed=seed,
             steady_from=late,
             drawn=True,
-            progress=lambda k: tell("single runs", 0.55 + 0.15 * k / draws),
+            progress=lambda k: report("single runs", 0.55 + 0.15 * k / draws),
         )
     settled = run is not None and run.is_steady
     target = None if mean is None else float(mean["mean_size"])
     if run is not None and settled:
         target = run.steady["mean_size"][0]
-    tell("analytical laws", 0.7)
+    report("analytical laws", 0.7)
     data: dict[str, tuple[Any, ...]] = {}
     for key, unit in COURSE:
         low, high = band(drawn[f"course_{key}"].values)
@@ -219,19 +219,19 @@ def compare_table(
         for key, _ in COURSE:
             numbers[f"{key}_inside"] = _inside(*(data[f"{key}_{of}"][1][1:] for of in RUN_BAND))
         # A class in which neither is expected says nothing.
-        told = (counted > 0) | (high > 0)
-        numbers["late_share_inside"] = _inside(counted[told], low[told], high[told])
+        seen = (counted > 0) | (high > 0)
+        numbers["late_share_inside"] = _inside(counted[seen], low[seen], high[seen])
         numbers["late_from"] = late
         own = to_32(centre["course_late_share"])
         numbers["late_distance"] = distance(own, to_32(run.share[1:]))
         chance = [distance(own, to_32(one[1:])) for one in replica.share.values]
         numbers["late_distance_run_high"] = float(np.quantile(chance, LEVEL))
     distribution = xr.Dataset(shares, {"size": grid.pivots}, {"steady_run": int(settled)})
-    tell("switches", 0.8)
+    report("ablation", 0.8)
     duration = None
     if mean is not None:
         duration = max(until, 1.5 * settling_time(estimated.mean, start, float(mean["mean_size"])))
-    switched = switch_table(
+    changed = ablation_table(
         table,
         run.initial if run is not None else 200,
         duration,
@@ -239,12 +239,12 @@ def compare_table(
         late,
         run.share if run is not None else None,
     )
-    tell("done", 1.0)
+    report("done", 1.0)
     return Comparison(
         xr.Dataset(data, {"time": ("time", times, {"units": "s"})}),
         distribution,
         numbers,
-        switched,
+        changed,
         table,
         run,
         steady,

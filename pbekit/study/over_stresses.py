@@ -218,8 +218,8 @@ def _inside(found: xr.Dataset, name: str) -> str:
     value, low, high = (
         found[f"{name}{end}"].values for end in ("", "_interpolated_low", "_interpolated_high")
     )
-    told = np.isfinite(low) & np.isfinite(value)
-    return f"{int(((value >= low) & (value <= high))[told].sum())} of {int(told.sum())}"
+    known = np.isfinite(low) & np.isfinite(value)
+    return f"{int(((value >= low) & (value <= high))[known].sum())} of {int(known.sum())}"
 
 
 def _with_analytical(found: xr.Dataset, tables: list[KernelTable], rows: list[int]) -> xr.Dataset:

@@ -100,13 +100,13 @@ def comparison_report(result: Comparison) -> list[str]:
     if "extrapolated_flux" in n:
         lost = f"{100 * n['extrapolated_flux']:.2g} % of encounters extrapolated, {lost}"
     lines.append(lost)
-    table = result.switches
+    table = result.ablation
     lines.append(
         f"<P> at t = {table.attrs['until']:.4g} s, steady <P> and distance of sizes from the Monte Carlo's, "
         "with one assumption changed:"
     )
     columns = (table.end_mean_size.values, table.mean_size.values, table.late_distance.values)
-    for name, *values in zip(table.switch.values, *columns, strict=True):
+    for name, *values in zip(table.assumption.values, *columns, strict=True):
         lines.append(f"  {name:36s}" + "".join(f" {_or_dash(value):>8}" for value in values).rstrip(" -"))
     return lines
 

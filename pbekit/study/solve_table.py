@@ -24,7 +24,7 @@ from pbekit.tables.kernel_table import KernelTable
 
 COURSE = ("mean_size", "size_deviation", "sauter_diameter")
 STEADY = ("mean_size", "relative_deviation", "sauter_diameter")
-Tell = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 
 
 def open_table(path: Path | str) -> KernelTable:
@@ -86,7 +86,7 @@ def solve_table(
     shapes: Any = "table",
     exact_to: int = 32,
     largest: int | None = None,
-    progress: Tell | None = None,
+    progress: Progress | None = None,
     **options: Any,
 ) -> xr.Dataset:
     """Populations over time and at steady state of the balance on a table, with bands.
@@ -117,7 +117,7 @@ def solve_table(
     PBEError : of a table that cannot be read, or options that do not fit
     InterruptedDraws : (a `KeyboardInterrupt`) with the solution, where the end was asked for in the middle of the draws
     """
-    chosen, tell = Options.of(options), progress or (lambda what, share: None)
+    chosen, report = Options.of(options), progress or (lambda what, share: None)
     if not isinstance(table, KernelTable | str | Path | Sequence) or (
         isinstance(table, Sequence) and len(table) == 0
     ):
@@ -125,11 +125,11 @@ def solve_table(
     given = [table] if isinstance(table, KernelTable | str | Path) else list(table)
     tables = [t if isinstance(t, KernelTable) else open_table(t) for t in given]
     grid_options = (exact_to, largest, shapes)
-    estimated, errors = _closure(tables, stress, chosen, grid_options)
+    estimated, errors = _rates(tables, stress, chosen, grid_options)
     first = estimated.tables[0]
     start = start_of(estimated.grid, first, volume_fraction)
     times = np.linspace(0.0, chosen.until, chosen.samples)
-    tell("integrating", 0.0)
+    report("integrating", 0.0)
     balance = estimated.balance(scheme=chosen.scheme)
     data = solve(
         balance,
@@ -137,7 +137,7 @@ def solve_table(
         times,
         method=chosen.method,
         rtol=1e-6,
-        progress=lambda t: tell("integrating", 0.4 * min(t / chosen.until, 1)),
+        progress=lambda t: report("integrating", 0.4 * min(t / chosen.until, 1)),
     )
     data["number"].attrs["units"] = "m-3"
     mass = [estimated.extrapolated_changes(n)[1] for n in data.number.values]
@@ -146,7 +146,7 @@ def solve_table(
         "long_name": "share of the mass that changes size in pairs of classes nobody sampled",
     }
     data["extrapolated_mass"] = ("time", mass, note)
-    tell("steady state", 0.45)
+    report("steady state", 0.45)
     steady, evidence = supported_steady_state(estimated, start, scheme=chosen.scheme)
     _put_steady(data, estimated, steady)
     if steady is None:
@@ -166,8 +166,8 @@ def solve_table(
         try:
             output = _Output(start, times, steady)
             error = {} if errors is None else errors(output)
-            tell("draws", 0.5)
-            _put_bands(data, estimated, output, error, chosen, tell)
+            report("draws", 0.5)
+            _put_bands(data, estimated, output, error, chosen, report)
         except KeyboardInterrupt:
             without_bands.attrs["no_band"] = "interrupted in the middle of the draws"
             raise InterruptedDraws(without_bands) from None
@@ -176,7 +176,7 @@ def solve_table(
         data.attrs["no_band"] = (
             "two tables leave the error of interpolation between them unknown; give a third, at another stress, for bands"
         )
-    tell("done", 1.0)
+    report("done", 1.0)
     return data
 
 
@@ -195,7 +195,7 @@ class _Output:
         return found
 
 
-def _closure(
+def _rates(
     tables: list[KernelTable],
     stress: float | None,
     chosen: Options,
@@ -252,7 +252,7 @@ def _put_bands(
     output: _Output,
     error: dict[str, InterpolationError],
     chosen: Options,
-    tell: Tell,
+    report: Progress,
 ) -> None:
     """Bands of the course and of the steady state, the interpolation's error included where there is one."""
     drawn = draws_of(
@@ -260,7 +260,7 @@ def _put_bands(
         output,
         chosen.draws,
         chosen.seed,
-        lambda k: tell("draws", 0.5 + 0.5 * k / chosen.draws),
+        lambda k: report("draws", 0.5 + 0.5 * k / chosen.draws),
         chosen.scheme,
     )
     for name in drawn.data_vars:

@@ -1,4 +1,4 @@
-"""Shapes with known answers, and a slow twin written from the paper's definitions."""
+"""Shapes with known answers, and a slow reference written from the paper's definitions."""
 
 import numpy as np
 import pytest

@@ -7,7 +7,7 @@ import pytest
 from small_runs import small_runs
 
 import mcdem
-from mcdem.analysis.accuracy_cost import REFERENCE, draw_pairs
+from mcdem.analysis.paired_encounters import REFERENCE, draw_pairs
 from mcdem.errors import UserError
 from validation import agreement
 
@@ -39,7 +39,7 @@ def test_a_sample_gives_back_the_aggregates_that_met(sample, tmp_path):
     assert len(agreement.followed(back, "default")) == 0
 
 
-def test_ways_that_differ_are_told_from_ways_that_agree(sample):
+def test_ways_that_differ_are_distinguished_from_ways_that_agree(sample):
     outcomes = np.zeros(COUNT, int)
     fill(sample, REFERENCE, outcomes)
     outcomes[0] = 2

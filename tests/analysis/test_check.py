@@ -9,8 +9,8 @@ from scipy.integrate import quad
 from typer.testing import CliRunner
 
 import mcdem
-from mcdem.analysis.accuracy_cost import efficiency
 from mcdem.analysis.dimensionless_groups import check, contact_relaxation, doublet_share, tabor_number
+from mcdem.analysis.paired_encounters import efficiency
 from mcdem.commands.main import app
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -250,7 +250,7 @@ def test_mean_approach_is_that_of_the_flux():
 # The command.
 
 
-def test_exit_code_tells(tmp_path):
+def test_exit_code_follows_the_verdict(tmp_path):
     run = CliRunner().invoke(app, ["check", str(SCENES / "paper-1000Pa.toml")], prog_name="mcdem")
     assert run.exit_code == 0
     assert "Brownian" in run.stdout

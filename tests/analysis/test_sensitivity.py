@@ -9,10 +9,9 @@ import pytest
 from typer.testing import CliRunner
 
 import mcdem
-from mcdem.analysis import accuracy_cost as cost
 from mcdem.analysis import sensitivity
+from mcdem.analysis.paired_encounters import Sample, Setting
 from mcdem.commands.main import app
-from mcdem.commands.sensitivity import told
 from mcdem.encounter.simulate import OUTCOMES
 
 PAPER = mcdem.load_scene("scenes/paper-1000Pa.toml")
@@ -21,13 +20,13 @@ RUN = "tests/monte_carlo/run_of_before.nc"
 
 
 def samples(outcomes, geometry=0.0, fragment=0.5):
-    return [cost.Sample(OUTCOMES.index(o), fragment, geometry, 1e-3, 10) for o in outcomes]
+    return [Sample(OUTCOMES.index(o), fragment, geometry, 1e-3, 10) for o in outcomes]
 
 
 def test_differences_are_signed_and_paired():
     given = samples(["missed"] * 8 + ["fragmentation"] * 2)
     other = samples(["missed"] * 7 + ["aggregation", "exchange", "fragmentation"], geometry=-0.1)
-    found = sensitivity.differences(cost.Setting("other", "x"), (0.07, 0.077), given, other)
+    found = sensitivity.differences(Setting("other", "x"), (0.07, 0.077), given, other)
     value = {d.quantity: d for d in found}
     assert value["eta_11"].value == pytest.approx(0.1)
     assert value["aggregation"].value == pytest.approx(0.1)
@@ -41,19 +40,21 @@ def test_differences_are_signed_and_paired():
 
 def test_none_of_sixty_is_not_nought():
     given = samples(["missed"] * 60)
-    same = {
-        d.quantity: d for d in sensitivity.differences(cost.Setting("same", "x"), (0.07, 0.07), given, given)
-    }
+    same = {d.quantity: d for d in sensitivity.differences(Setting("same", "x"), (0.07, 0.07), given, given)}
     assert same["parted"].value == 0.0 and not same["parted"].is_seen
     assert (same["parted"].low, same["parted"].high) == pytest.approx((-0.0602, 0.0602), abs=1e-4)
     assert np.isnan(same["geometry"].low)
-    words = told(list(same.values()))
+    words = "\n".join(sensitivity.sensitivity_report(list(same.values())))
     assert "none of 60 differs [at most 6.0% do]" in words and "+0.0000 " not in words.replace("eta_11", "")
     other = samples(["missed"] * 40 + ["parted"] * 20)
     found = {
-        d.quantity: d for d in sensitivity.differences(cost.Setting("other", "x"), (0.07, 0.07), given, other)
+        d.quantity: d for d in sensitivity.differences(Setting("other", "x"), (0.07, 0.07), given, other)
     }
-    assert found["parted"].is_seen and found["parted"].low > 0.2 and " *" in told(list(found.values()))
+    assert (
+        found["parted"].is_seen
+        and found["parted"].low > 0.2
+        and " *" in "".join(sensitivity.sensitivity_report(list(found.values())))
+    )
 
 
 @pytest.mark.parametrize(("gains", "losses"), [(0.10, 0.05), (0.02, 0.02), (0.20, 0.0)])
@@ -70,7 +71,7 @@ def test_limits_of_paired_shares_hold_at_their_stated_rate(gains, losses):
 
 def test_where_nothing_sticks_eta_11_has_no_relative_difference():
     given = samples(["missed"] * 4)
-    (eta, *_) = sensitivity.differences(cost.Setting("other", "x"), (0.0, 0.01), given, given)
+    (eta, *_) = sensitivity.differences(Setting("other", "x"), (0.0, 0.01), given, given)
     assert np.isnan(eta.value)
 
 
@@ -80,7 +81,7 @@ def test_what_changes_nothing_makes_no_difference_and_what_matters_does():
     settings = sensitivity.settings_from(
         {"numerics.most_steps": ["10000000"], "hydrodynamics.lubrication_cutoff": ["2e-2"]}
     )
-    given, same, coarser = sensitivity.vary(scene, settings, pairs, rays=2)
+    given, same, coarser = sensitivity.compare_settings(scene, settings, pairs, rays=2)
     assert all(d.value == d.error == 0.0 for d in (*given, *same))
     eta = coarser[0]
     # Capture happens within the cut-off: a wider one captures more (shared with `mcdem efficiency`).

@@ -109,7 +109,7 @@ def test_limits_by_origin_hold_where_those_by_point_do_not(origins):
     assert covered[2] / 200 < 0.8
 
 
-def test_origins_are_told_by_what_copies_keep():
+def test_origins_are_recognised_by_what_copies_keep():
     size, gyration = np.array([5, 5, 5, 6, 1, 1]), np.array([1.5, 1.5002, 1.6, 1.5, 1.0, 1.0])
     label = origins_of(size, [9, 9, 9, 12, 0, 0], gyration)
     alike = label[:, None] == label

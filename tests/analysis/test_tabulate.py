@@ -162,11 +162,11 @@ def test_what_does_not_fit_is_refused(scene, dataset, tmp_path):
         make(scene, tmp_path / "s.csv", dataset, 0)
 
 
-def test_no_steady_size_is_told_where_nothing_broke(scene, tmp_path):
+def test_no_steady_size_is_said_where_nothing_broke(scene, tmp_path):
     """Encounters that only join: the table is made, its steady <P> is not; designed encounters go on evenly."""
     path = tmp_path / "run.nc"
     run(scene, path, events=60, seed=5, encounter=synthetic.always_merge)
-    told = []
+    said = []
     done = tabulate(
         scene,
         tmp_path / "k.nc",
@@ -175,11 +175,11 @@ def test_no_steady_size_is_told_where_nothing_broke(scene, tmp_path):
         error=10.0,
         encounter=synthetic.always_merge,
         seed=3,
-        progress=told.append,
+        progress=said.append,
     )
     assert done.mean_size is None and done.error is None and done.designed == 40
     assert "encounters broke an aggregate" in done.refusal and "mcdem run" in done.refusal
-    assert all(now.mean_size is None for now in told)
+    assert all(now.mean_size is None for now in said)
     with pytest.raises(PBEError, match="no steady state"):
         steady_shares(KernelTable.load(tmp_path / "k.nc"), scene.suspension.volume_fraction)
 

@@ -4,13 +4,13 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from asked import mcdem_command, refusal
 from rich.console import Console
 
-from mcdem.commands.progress import RunDisplay
+from mcdem.monte_carlo.run_control import RunProgress
+from pbekit.progress import ProgressBar
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -111,15 +111,15 @@ def test_plot_refuses_what_is_no_dataset_and_what_is_no_figure(tmp_path):
     )
 
 
-def test_an_encounter_is_told_in_words():
+def test_an_encounter_is_said_in_words():
     done = mcdem_command("encounter", SCENES / "paper-750Pa.toml", "--offset", "0 nm", "250 nm")
     assert done.exit_code == 0, done.output
-    told = dict(re.split(r"\s{2,}", line, maxsplit=1) for line in done.stdout.splitlines())
-    assert told["outcome"] == "aggregation"
-    assert told["products"] == "2 primaries"
-    assert told["offset"] == "x0 = 0 m, y0 = 2.5e-07 m"
-    assert re.fullmatch(r"[\d.e-]+ s \(strain [\d.]+\)", told["first contact"])
-    assert re.fullmatch(r"[\d.e-]+ N \(0\.\d\d of pull-off\)", told["largest tension"])
+    said = dict(re.split(r"\s{2,}", line, maxsplit=1) for line in done.stdout.splitlines())
+    assert said["outcome"] == "aggregation"
+    assert said["products"] == "2 primaries"
+    assert said["offset"] == "x0 = 0 m, y0 = 2.5e-07 m"
+    assert re.fullmatch(r"[\d.e-]+ s \(strain [\d.]+\)", said["first contact"])
+    assert re.fullmatch(r"[\d.e-]+ N \(0\.\d\d of pull-off\)", said["largest tension"])
 
 
 def test_aggregates_and_offsets_are_refused_by_name(tmp_path):
@@ -146,7 +146,7 @@ def test_aggregates_and_offsets_are_refused_by_name(tmp_path):
 
 
 @pytest.mark.parametrize(("ended_by", "code"), [("time", 0), ("events", 0), ("interruption", 130)])
-def test_exit_code_tells_an_interrupted_run(tmp_path, monkeypatch, ended_by, code):
+def test_exit_code_marks_an_interrupted_run(tmp_path, monkeypatch, ended_by, code):
     from mcdem.monte_carlo import run_control
 
     asked = {}
@@ -177,23 +177,38 @@ def where_it_stands(**changes):
     known = dict(
         time=2.5, events=40, mean_size=1.25, outcomes={"missed": 30, "aggregation": 10, "exchange": 0}
     )
-    return SimpleNamespace(**(known | dict(done=0.25, remaining=90.4, elapsed=30.0) | changes))
+    return RunProgress(**(known | dict(aggregates=10, done=0.25, remaining=90.4, elapsed=30.0) | changes))
 
 
-def test_the_display_tells_time_events_size_outcomes_and_time_left(capsys):
-    with RunDisplay("quickstart", Console(file=sys.stdout, force_terminal=False, width=200)) as display:
-        display(where_it_stands())
-        display(where_it_stands(elapsed=31.0))
-        display(where_it_stands(elapsed=61.0, done=0.5, remaining=None))
-    first, second = capsys.readouterr().out.splitlines()
-    assert first == " 25%  t = 2.5 s, 40 events (30 missed, 10 aggregation), <P> = 1.25, 0:01:30 left"
-    assert second == " 50%  t = 2.5 s, 40 events (30 missed, 10 aggregation), <P> = 1.25"
+def test_a_run_says_time_events_outcomes_size_and_time_left():
+    words = "t = 2.5 s, 40 events (30 missed, 10 aggregation), <P> = 1.25"
+    assert str(where_it_stands()) == f"{words}, 0:01:30 left"
+    assert str(where_it_stands(remaining=None)) == words
+    # The first encounters wait for the compiler.
+    assert str(where_it_stands(done=0.005)) == words
 
 
-def test_the_display_on_a_terminal_is_one_line_that_stays_readable(capsys):
-    console = Console(file=sys.stdout, force_terminal=True, width=120, color_system=None)
-    with RunDisplay("quickstart", console) as display:
-        display(where_it_stands())
+def test_without_a_terminal_a_line_comes_now_and_then(capsys, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("pbekit.progress.clock.monotonic", lambda: now[0])
+    console = Console(file=sys.stdout, force_terminal=False, width=20)
+    with ProgressBar("quickstart", console=console) as patient:
+        for now[0], share in ((0.0, 0.0), (29.0, 0.25), (31.0, 0.5), (32.0, 0.6), (62.0, None)):
+            patient("[so] many events of a long line", share)
+    with ProgressBar("film", at_once=True, console=console) as impatient:
+        impatient("1 of 2 pictures", 0.5)
+    assert capsys.readouterr().out.splitlines() == [
+        "quickstart: 50%, [so] many events of a long line",
+        "quickstart: [so] many events of a long line, 0:01:02 until now",
+        "film: 50%, 1 of 2 pictures",
+    ]
+
+
+def test_on_a_terminal_a_bar_stays_readable(capsys):
+    console = Console(file=sys.stdout, force_terminal=True, width=140, color_system=None)
+    with ProgressBar("quickstart", console=console) as progress:
+        progress(str(where_it_stands()), 0.25)
+        progress.line("nothing of this")
     shown = capsys.readouterr().out
-    assert "quickstart" in shown
+    assert "quickstart" in shown and "nothing" not in shown
     assert "25% t = 2.5 s, 40 events (30 missed, 10 aggregation), <P> = 1.25, 0:01:30 left" in shown

@@ -26,7 +26,7 @@ from mcdem.encounter.simulate import simulate_encounter
 from mcdem.errors import UserError
 from mcdem.monte_carlo import executors, run_control
 from mcdem.monte_carlo.comparison import differences
-from mcdem.monte_carlo.executors import EngineError, Here
+from mcdem.monte_carlo.executors import ExecutorError, Here
 from mcdem.monte_carlo.expected_output import MOST_UNCHANGED, output_of
 from mcdem.monte_carlo.process import multiples
 from mcdem.monte_carlo.sweep import sweep
@@ -44,8 +44,8 @@ def ended(process: subprocess.Popen[str], number: int) -> tuple[int, str, float]
     """Exit code, stderr and seconds that it took, of a program that is asked to end."""
     asked = time.monotonic()
     process.send_signal(number)
-    _, told = process.communicate(timeout=60)
-    return process.returncode, told, time.monotonic() - asked
+    _, said = process.communicate(timeout=60)
+    return process.returncode, said, time.monotonic() - asked
 
 
 def started(*command: str | Path) -> subprocess.Popen[str]:
@@ -94,11 +94,11 @@ def test_a_command_ends_in_one_line_and_keeps_what_it_has(command, table, tmp_pa
     program = {"solve": "pbekit", "validation": "validation"}.get(command, "mcdem")
     process = started(SCRIPT, "begun", program, *arguments)
     wait_for(Path("begun").exists, process)
-    code, told, seconds = ended(process, number)
-    last = told.splitlines()[-1]
-    assert code == 128 + number, told
+    code, said, seconds = ended(process, number)
+    last = said.splitlines()[-1]
+    assert code == 128 + number, said
     assert last.startswith("interrupted: ")
-    assert "Traceback" not in told and told.count("interrupted") == 1
+    assert "Traceback" not in said and said.count("interrupted") == 1
     assert seconds < (30.0 if command == "cost" else 5.0)  # it draws what it has
 
     assert re.search(words, last), last
@@ -117,8 +117,8 @@ def test_a_program_is_ready_to_be_interrupted_before_it_loads_anything(number):
     slow += "endings.program(lambda: (print('ready', flush=True), time.sleep(60)))"
     process = started("-c", slow)
     assert process.stdout is not None and process.stdout.readline() == "ready\n"
-    code, told, _ = ended(process, number)
-    assert (code, told) == (128 + number, "interrupted: nothing was written\n")
+    code, said, _ = ended(process, number)
+    assert (code, said) == (128 + number, "interrupted: nothing was written\n")
 
 
 def test_nothing_that_takes_time_is_loaded_before_that():
@@ -130,7 +130,7 @@ def test_nothing_that_takes_time_is_loaded_before_that():
     assert done.stdout == "[]\n"
 
 
-def test_what_is_told_to_be_ignored_stays_ignored():
+def test_what_is_to_be_ignored_stays_ignored():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
     try:
         with endings.listening():
@@ -162,7 +162,7 @@ def test_times_of_a_balance_are_finite_and_a_course_that_came_to_rest_ends(table
 
     for until in ("inf", "nan", "1e300", "0"):
         done = solve(until)
-        assert done.exit_code == 2 and f"--until {float(until):g}: expected a time above 0" in done.output
+        assert done.exit_code == 2 and f"--until {float(until)}: expected a time above 0" in done.output
     assert not (tmp_path / "out.nc").exists()
     done = solve("1e9", "--samples", "5")
     assert done.exit_code == 0, done.output
@@ -201,14 +201,14 @@ def test_an_empty_stretch_costs_nothing_wherever_a_run_is_cut_off(tmp_path):
 
 def test_multiples_are_those_that_come_one_by_one():
     for every in (0.1, 0.05, 1.0, 1 / 3):
-        told, time = [], 0.0
+        said, time = [], 0.0
         for end in np.random.default_rng(1).uniform(0.0, 3 * every, 40).cumsum():
-            told += [n * every for n in multiples(every, time, time, float(end))]
+            said += [n * every for n in multiples(every, time, time, float(end))]
             time = float(end)
-        assert told == [n * every for n in range(len(told))] and told[-1] < time <= len(told) * every
+        assert said == [n * every for n in range(len(said))] and said[-1] < time <= len(said) * every
 
 
-def test_what_a_run_will_write_is_told_beforehand():
+def test_what_a_run_will_write_is_said_beforehand():
     ordinary = output_of(synthetic.scene(), events=1000)
     assert ordinary is not None and not ordinary.large
     assert output_of(synthetic.scene()) is None
@@ -221,14 +221,14 @@ def test_what_a_run_will_write_is_told_beforehand():
 
 
 @pytest.mark.slow
-def test_what_is_told_is_what_comes(tmp_path):
+def test_what_is_said_is_what_comes(tmp_path):
     scene = synthetic.scene(**EMPTY, suspension__volume_fraction=1e-5)
     path = tmp_path / "run.nc"
     run_control.run(scene, path, events=2000, encounter=synthetic.always_miss)
-    told, run = output_of(scene, events=2000), RunDataset(path)
-    assert told is not None
-    assert told.snapshots == pytest.approx(len(run.snapshot_times), rel=0.3)
-    assert told.size == pytest.approx(path.stat().st_size, rel=0.5)
+    said, run = output_of(scene, events=2000), RunDataset(path)
+    assert said is not None
+    assert said.snapshots == pytest.approx(len(run.snapshot_times), rel=0.3)
+    assert said.size == pytest.approx(path.stat().st_size, rel=0.5)
 
 
 # -- engines ---------------------------------------------------------------------------------------------------------
@@ -266,10 +266,10 @@ class KilledWorkerError(Exception):
         (MemoryError(), False),
     ],
 )
-def test_an_engine_may_fail_in_any_way(tmp_path, problem, in_submit):
+def test_an_executor_may_fail_in_any_way(tmp_path, problem, in_submit):
     path, scene = tmp_path / "run.nc", synthetic.scene(**synthetic.SMALL)
     options = {"events": 40, "encounter": synthetic.aggregation_and_breakup}
-    with pytest.raises(EngineError, match=r"run.nc holds everything until t = .*--resume") as caught:
+    with pytest.raises(ExecutorError, match=r"run.nc holds everything until t = .*--resume") as caught:
         run_control.run(scene, path, executor=Lost(problem, in_submit), **options)
     assert "\n" not in str(caught.value)
     assert 0 < len(RunDataset(path).events["time"]) < 40
@@ -279,12 +279,12 @@ def test_a_sweep_whose_cluster_is_lost_can_go_on(tmp_path):
     scene = synthetic.scene(**synthetic.SMALL)
     lost = Lost(CancelledError())
     lost.tasks = 20
-    with pytest.raises(EngineError, match="the same command goes on"):
+    with pytest.raises(ExecutorError, match="the same command goes on"):
         sweep(scene, tmp_path, {"flow.viscosity": ["75 mPa s"]}, events=5, executor=lost)
     assert "waiting" in (tmp_path / "index.csv").read_text()
 
 
-def test_a_tasks_own_failure_is_not_the_engines():
+def test_a_tasks_own_failure_is_not_the_executors():
     def fails():
         raise ZeroDivisionError("its own")
 

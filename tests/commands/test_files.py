@@ -23,9 +23,9 @@ import synthetic
 import xarray as xr
 from typer.testing import CliRunner
 
-from mcdem.commands import cost as cost_command
+from mcdem.analysis.accuracy_cost import write_prices
+from mcdem.analysis.sensitivity import write_differences
 from mcdem.commands import main as mcdem_cli
-from mcdem.commands import sensitivity as sensitivity_command
 from mcdem.encounter.trajectory import Trajectory, export, read
 from mcdem.errors import DataFileError, UserError
 from mcdem.figures.film import film
@@ -108,8 +108,8 @@ WRITERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "pdf": (".pdf", lambda path: FILES.write_picture(path, figure())),
     "svg": (".svg", lambda path: FILES.write_picture(path, figure())),
     "png of pbekit": (".png", lambda path: PBE_FILES.write_picture(path, figure())),
-    "table of sensitivity": (".csv", lambda path: sensitivity_command.write([], path)),
-    "table of cost": (".csv", lambda path: cost_command.write([], path)),
+    "table of sensitivity": (".csv", lambda path: write_differences([], path)),
+    "table of cost": (".csv", lambda path: write_prices([], path)),
 }
 
 
@@ -200,7 +200,7 @@ def test_a_device_is_left_alone(tmp_path):
 
 
 def test_no_writer_replaces_the_files_of_another(tmp_path):
-    """A page over the run it tells of, a table over a run, a picture of one program over that of the other."""
+    """A page over the run that it is about, a table over a run, a picture of one program over that of the other."""
     made = {}
     for name, (ending, write) in WRITERS.items():
         if name == "mp4":
@@ -349,16 +349,16 @@ def test_a_command_on_a_full_disk_says_so_in_a_line(given, tmp_path, name):
     done = short_of_space(
         program, *(word.replace("~", " ") for word in words.format(given=given).split()), cwd=tmp_path
     )
-    told = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    said = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
     assert done.returncode == 2, done.stderr
-    assert len(told) == 1 and "cannot be written (File too large" in told[0], done.stderr
+    assert len(said) == 1 and "cannot be written (File too large" in said[0], done.stderr
     assert "Traceback" not in done.stderr and "Exception ignored" not in done.stderr, done.stderr
     left = [file for file in tmp_path.rglob("*") if file.is_file()]
     assert left == []
 
 
 @pytest.mark.parametrize("program", ["mcdem", pytest.param("pbekit", marks=pytest.mark.slow)])
-def test_what_is_told_to_a_full_disk(program, given):
+def test_what_is_written_to_a_full_disk(program, given):
     """`/dev/full` is a disk that is always full."""
     words = {"mcdem": ["describe"], "pbekit": ["show", str(given / "kernels.nc")]}[program]
     with Path("/dev/full").open("w") as full:
@@ -476,7 +476,7 @@ READING = {
 
 
 @pytest.mark.parametrize("name", READING)
-def test_a_command_tells_damage_in_a_line(given, tmp_path, monkeypatch, name):
+def test_a_command_reports_damage_in_a_line(given, tmp_path, monkeypatch, name):
     """A zeroed block, flipped bits and a lost end, in datasets with a checksum and without."""
     monkeypatch.chdir(tmp_path)
     program, words = READING[name]
@@ -503,8 +503,8 @@ def test_a_command_tells_damage_in_a_line(given, tmp_path, monkeypatch, name):
             damaged.write_bytes(content)
             done = CliRunner().invoke(app, words.format(given=given, damaged=damaged).split())
             assert done.exit_code == 2, (what, sealed, done.output, done.exception)
-            told = [line for line in done.output.splitlines() if line.startswith("error: ")]
-            assert len(told) == 1 and told[0].startswith(f"error: {damaged}: "), (what, sealed, done.output)
+            said = [line for line in done.output.splitlines() if line.startswith("error: ")]
+            assert len(said) == 1 and said[0].startswith(f"error: {damaged}: "), (what, sealed, done.output)
             assert damaged.read_bytes() == content
     assert [file for file in tmp_path.rglob("*") if file.is_file()] == [damaged]
 
@@ -536,7 +536,7 @@ def test_a_trajectory_is_whole_or_refused(tmp_path):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 16]) + whole[place + 1 :])
         with pytest.raises(DataFileError, match=r"course\.nc: "):
             read(path)
-    # one of before: its end, without the line and the word of it
+    # an earlier one: its end, without the line and the word of it
     path.write_bytes(whole[: whole.rindex(SEAL)].replace(files.SEALED.encode(), b"x" * len(files.SEALED)))
     np.testing.assert_allclose(read(path).time, course().time, rtol=1e-12)
 

@@ -1,4 +1,4 @@
-"""Makes encounter_starts.npz: 32 encounters of aggregates of 2 to 8 primaries on which stepping schemes are compared.
+"""Makes encounter_starts.npz: 32 encounters of aggregates of 2 to 8 primaries on which schemes of integration are compared.
 
     python tests/data/make_encounter_starts.py
 

@@ -64,7 +64,7 @@ def test_every_effect_has_its_row_and_a_scene_with_and_without_it():
 
 @pytest.mark.parametrize("change", [0.0, 1e-9])
 def test_the_case_judges_every_row(change):
-    """On numbers as if they had just been measured: the saved ones, and a strength zero that is felt or not."""
+    """On numbers as if they had just been measured: the saved ones, and a strength zero that changes something or not."""
     case = cases_of.load("absent_effects_cost")
 
     def verdict():

@@ -53,7 +53,7 @@ DEFAULT, *OTHERS = SCHEMES
 
 @pytest.mark.parametrize("scheme", [DEFAULT, *(pytest.param(s, marks=pytest.mark.slow) for s in OTHERS)])
 @pytest.mark.parametrize("names", COMBINATIONS, ids="+".join)
-def test_a_gap_closes_or_opens_as_the_sum_of_the_forces_tells(names, scheme):
+def test_a_gap_closes_or_opens_as_the_sum_of_the_forces_is(names, scheme):
     """Drag 6 pi mu a on each sphere: dh/dt = 2 F(h), integrated by another program until h has changed by a half."""
     physics = two_spheres(names, scheme, START, 1.0).physics
 

@@ -235,7 +235,7 @@ def test_the_tangent_is_the_derivative_of_the_loads(names, size):
 
 @every_resistance
 def test_within_its_limit_a_resistance_conserves_energy(names):
-    """Work of the mean of the loads before and after each step is the loss of elastic energy, on any path of a tumbling pair."""
+    """Work of the mean of the loads before and after each step is the loss of elastic energy, on any path of a turning pair."""
     rng, kernels = np.random.default_rng(7), laws(*names, **NEVER)
     r, history, work = np.array([0.0, 1.2, 1.6]), np.zeros(7), 0.0
     for _ in range(200):
@@ -358,7 +358,7 @@ ACROSS = np.array([0.8, -0.6, 0.0])  # to the axis of the chain
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 20])
-def test_a_clamped_chain_of_rods_bends_as_its_energy_tells(n):
+def test_a_clamped_chain_of_rods_bends_as_its_energy_demands(n):
     """Moments m r F and (m + 1) r F at the ends of the m-th bond: deflection (F/k_t) n (2 n^2 + 1)/3, in the limit a beam."""
     kernels = laws("rods", "twisting")
     motion = clamped_chain(kernels, n, ACROSS, np.zeros(3))
@@ -368,7 +368,7 @@ def test_a_clamped_chain_of_rods_bends_as_its_energy_tells(n):
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 20])
-def test_a_clamped_chain_of_sliding_and_rolling_contacts_bends_as_its_energy_tells(n):
+def test_a_clamped_chain_of_sliding_and_rolling_contacts_bends_as_its_energy_demands(n):
     """Each contact shears by F/k_T and bends by its moment (m + 1/2) r F over k_R: F [n/k_T + r^2 n (4 n^2 - 1)/(12 k_R)]."""
     kernels = laws("sliding", "rolling", "twisting")
     motion = clamped_chain(kernels, n, ACROSS, np.zeros(3))
@@ -411,7 +411,7 @@ class RodsInSpheres:
 
 
 def test_rods_are_those_of_their_slow_twin():
-    """A pair that tumbles by whole turns while its spheres twist freely and turn against each other by some 1e-3."""
+    """A pair that rotates as a body by whole turns while its spheres twist freely and turn against each other by some 1e-3."""
     rng, kernels = np.random.default_rng(11), laws("rods", **NEVER)
     r = np.array([0.0, 1.2, 1.6])
     twin, history = RodsInSpheres(r, law(kernels, "rods").stiffness), np.zeros(7)

@@ -47,7 +47,7 @@ def test_the_whole_circle_is_the_smoluchowski_flux():
 
 
 def test_rays_and_critical_offsets_give_the_same_efficiency():
-    """The integral of y_c^2/2 over x0, by a rule of its own, is the slow twin."""
+    """The integral of y_c^2/2 over x0, by a rule of its own, is the slow reference."""
     found = capture.pair_efficiency(BRIEF, 4)
     radius, widest = PAPER.suspension.radius, 0.93
     nodes, weights = np.polynomial.legendre.leggauss(6)
@@ -118,7 +118,7 @@ def test_offsets_outside_the_circle_and_odd_rays_are_refused():
         capture.pair_efficiency(PAPER, 3)
 
 
-def test_the_command_tells_value_error_and_law(tmp_path, monkeypatch):
+def test_the_command_says_value_error_and_law(tmp_path, monkeypatch):
     monkeypatch.setattr(capture.Capture, "captured", lambda self, offset: math.hypot(*offset) < 0.8)
     done = mcdem_command("efficiency", "scenes/paper-1000Pa.toml", "--steps", "--cutoff", "0,5e-3")
     assert done.exit_code == 0, done.output

@@ -1,4 +1,4 @@
-"""Whatever tells of contacts does so for every law of a contact, not for the paper's alone."""
+"""Whatever shows contacts does so for every law of a contact, not for the paper's alone."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from effects_family import CONTACT_LAWS, scene
 
-from mcdem.commands.encounter import aggregate_of
+from mcdem.aggregates.shapes import straight_chain
 from mcdem.effects.sums import contact_equilibrium
 from mcdem.encounter.simulate import Recorder
 from mcdem.encounter.trajectory import Trajectory
@@ -24,9 +24,9 @@ def test_a_trajectory_knows_what_its_contacts_bear(law):
 
 
 @every_law
-def test_a_chain_of_the_command_line_is_in_contact_at_rest(law):
+def test_a_straight_chain_is_in_contact_at_rest(law):
     whole = scene(law)
-    chain = aggregate_of(whole, "--first", "3")
+    chain = straight_chain(whole, 3)
     gaps = np.diff(np.sort(chain.positions[:, 2])) / whole.reduced.length - 2.0
     assert len(chain.bonds) == 2
     assert gaps == pytest.approx(contact_equilibrium(1.0, whole.kernels.contact)[0], abs=1e-12)

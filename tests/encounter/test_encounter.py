@@ -227,7 +227,7 @@ def test_the_cutoff_lowers_the_tension_in_a_doublet():
 # Bookkeeping
 
 
-def test_outcomes_are_told_from_identities():
+def test_outcomes_follow_from_identities():
     def sets(*members):
         return tuple(np.array(m) for m in members)
 

@@ -14,7 +14,7 @@ from trimer import A, turning_trimer
 from typer.testing import CliRunner
 
 from mcdem.aggregates.morphology import morphology
-from mcdem.commands.encounter import aggregate_of
+from mcdem.aggregates.shapes import aggregate_of
 from mcdem.commands.main import app
 from mcdem.encounter import trajectory
 from mcdem.errors import UserError
@@ -106,7 +106,7 @@ def test_the_films_rods_are_rigid_and_its_command_holds():
     given = command.make_context("encounter", words[1:]).params
     scene = load_scene(SCENES.parent / given["scene"])
     for option in ("first", "second"):
-        rod = aggregate_of(scene, option, str(SCENES.parent / given[option]))
+        rod = aggregate_of(scene, str(SCENES.parent / given[option]), option)
         assert len(rod.bonds) == 3 * rod.size - 6
         assert morphology(rod.positions, rod.bonds, scene.suspension.radius)["floppy_modes"] == 0
     assert (SCENES.parent / given["film"]).stat().st_size < 2_500_000

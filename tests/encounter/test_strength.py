@@ -66,7 +66,7 @@ def test_an_octahedron_is_loaded_alike_in_all_its_poses_at_every_level(level):
     np.testing.assert_allclose(loads, loads[0], rtol=1e-6)
 
 
-def test_the_figure_tells_rigid_from_floppy_aggregates(monkeypatch):
+def test_the_figure_distinguishes_rigid_from_floppy_aggregates(monkeypatch):
     run = RunDataset(small_runs()[1])
     assert static_load([run]) is None  # its made-up aggregates are all floppy
     # Tetrahedra face to face (Boerdijk & Coxeter): rigid at every size.

@@ -1,4 +1,4 @@
-"""The report tells the run, its warnings and the comparison, in one file."""
+"""The report shows the run, its warnings and the comparison, in one file."""
 
 import re
 from types import SimpleNamespace
@@ -46,11 +46,11 @@ def test_groups_are_those_of_table_1(run):
     np.testing.assert_allclose(groups["η₁₁"], 0.074, rtol=5e-3)
 
 
-def test_every_parameter_of_the_scene_is_told(run):
-    told = {(table, key): value for table, key, value, _ in parameters(run)}
-    assert told["suspension", "radius"] == "5e-07"
-    assert told["effects.jkr", "surface_energy"] == "0.0047"
-    assert told["population", "initial"] == "50"
+def test_every_parameter_of_the_scene_is_said(run):
+    said = {(table, key): value for table, key, value, _ in parameters(run)}
+    assert said["suspension", "radius"] == "5e-07"
+    assert said["effects.jkr", "surface_energy"] == "0.0047"
+    assert said["population", "initial"] == "50"
 
 
 def test_warnings_of_a_short_run(run):
@@ -129,7 +129,7 @@ def test_command_refuses_to_overwrite(tmp_path):
     assert page.read_text() == "mine"
 
 
-def test_unresolved_approaches_are_told_with_their_share_of_the_flux():
+def test_unresolved_approaches_are_reported_with_their_share_of_the_flux():
     """1.5 (z0/longest_approach)^2 by the integral of y over the strip; drawn offsets agree."""
     scene = mcdem.load_scene("scenes/paper-1000Pa.toml").with_changes({"numerics.longest_approach": 50.0})
     assert "carry 0.015 of the flux" in _too_long(SimpleNamespace(scene=scene))

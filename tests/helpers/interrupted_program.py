@@ -43,11 +43,11 @@ elif program == "pbekit":
 
     draws_of = uncertainty.draws_of
 
-    def told(estimated, output, draws, seed, progress, scheme):
+    def said(estimated, output, draws, seed, progress, scheme):
         begun = lambda k: (Path(marker).touch(), progress(k))
         return draws_of(estimated, output, draws, seed, begun, scheme)
 
-    uncertainty.draws_of = told
+    uncertainty.draws_of = said
     from pbekit.__main__ import main
 else:
     import validation.run

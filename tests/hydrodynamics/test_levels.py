@@ -7,7 +7,7 @@ import pytest
 from shapes import octahedron, stack_of_octahedra, tetrahedron
 
 import mcdem
-from mcdem.analysis.accuracy_cost import draw_pairs, level_changes
+from mcdem.analysis.paired_encounters import draw_pairs, level_changes
 from mcdem.effects.sums import contact_equilibrium
 from mcdem.encounter.motion import analysed
 from mcdem.encounter.simulate import OUTCOMES, physics_of, shortcuts_of

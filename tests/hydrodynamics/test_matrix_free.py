@@ -1,4 +1,4 @@
-"""Velocities without a dense matrix, held against the dense ones."""
+"""Velocities without a dense matrix, compared with the dense ones."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def test_force_that_holds_a_touching_pair_together():
         strain[2], strain[5] = (
             (1 + gap / 2) / 2,
             -(1 + gap / 2) / 2,
-        )  # at rest, each lags its ambient velocity by this
+        )  # at rest, each is slower than its ambient velocity by this
         assert 6 * abs((resistance @ strain)[2]) == pytest.approx(6.12, abs=0.005)
 
 

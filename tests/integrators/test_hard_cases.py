@@ -37,7 +37,7 @@ def test_the_laws_hold(case):
     assert expected == set(getattr(case, "expected", {}))
 
 
-def test_names_are_told_apart():
+def test_names_are_distinguished():
     assert len({case.name for case in CATALOGUE}) == len(CATALOGUE)
 
 
@@ -125,7 +125,7 @@ def test_watching_sees_every_contact_made_and_lost(case):
     assert (seen.changes, seen.made_at, seen.lost_at) == (2, -1e-5, 3e-4)
 
 
-def test_two_ensembles_of_different_outcomes_are_told_apart():
+def test_two_ensembles_of_different_outcomes_are_distinguished():
     def results(outcome, contacts):
         product = SimpleNamespace(bonds=np.zeros((contacts, 2)), size=1)
         return [SimpleNamespace(outcome=outcome, products=(product,)) for _ in range(40)]
@@ -141,7 +141,7 @@ def test_the_worst_finding_is_the_one_with_the_least_left(case):
     assert worst(found).margin == min(f.margin for f in found)
 
 
-def test_the_page_tells_what_does_not_hold():
+def test_the_page_says_what_does_not_hold():
     def found(verdict, margin):
         return Finding("a case", "a law", verdict, 7, margin, "words")
 

@@ -1,4 +1,4 @@
-"""Contacts that resist sliding, rolling and twisting, followed in an encounter: balance, limits, statics, a slow twin."""
+"""Contacts that resist sliding, rolling and twisting, followed in an encounter: balance, limits, statics, a slow reference."""
 
 from __future__ import annotations
 

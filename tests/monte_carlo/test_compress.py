@@ -72,7 +72,7 @@ def test_numbers_of_the_history_keep_their_digits(whole, small):
 
 
 def test_a_log_in_few_bytes_is_given_back_bit_for_bit(whole):
-    """Serial numbers newer, older and of before; values that change between appearances; no products, no encounters."""
+    """Serial numbers newer, older and of earlier versions; values that change between appearances; no products, none at all."""
     with opened(whole) as (file,):
         of_run = {name: column.values for name, column in event_columns(file).items()}
     strange = {name: values.copy() for name, values in of_run.items()}
@@ -188,9 +188,9 @@ def test_a_dataset_of_before_histories_gets_one(tmp_path):
 def test_the_command(whole, tmp_path):
     target = tmp_path / "small.nc"
     runner = CliRunner()
-    told = runner.invoke(app, ["compress", str(whole), "-o", str(target), "--every", "100 ms"])
-    assert told.exit_code == 0, told.output
-    assert "MiB of" in told.output
+    said = runner.invoke(app, ["compress", str(whole), "-o", str(target), "--every", "100 ms"])
+    assert said.exit_code == 0, said.output
+    assert "MiB of" in said.output
     again = runner.invoke(app, ["compress", str(whole), "-o", str(target)])
     assert again.exit_code == 2
     assert "exists" in again.output

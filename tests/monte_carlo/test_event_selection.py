@@ -64,7 +64,7 @@ def test_waiting_times_and_pairs_follow_the_frequencies(way, sizes):
         np.add.at(counts, tuple(pairs.T), 1)
         expected = len(pairs) * f[index] / f.sum()
         assert stats.chisquare(counts[index], expected).pvalue > SIGNIFICANCE  # Eq. 5
-    # A wait tells nothing of the pair that ends it, nor of the next wait.
+    # A wait says nothing of the pair that ends it, nor of the next wait.
     is_first = (pairs == pairs[0]).all(axis=1)
     if 0 < is_first.sum() < len(pairs):
         assert stats.ks_2samp(waits[is_first], waits[~is_first]).pvalue > SIGNIFICANCE

@@ -53,7 +53,7 @@ def test_every_variable_has_units_and_a_meaning(dataset):
     assert set(tree.children) == {"events", "snapshots", "kept", "checkpoint"}
 
 
-def test_the_series_tells_the_population_after_each_encounter(dataset):
+def test_the_series_gives_the_population_after_each_encounter(dataset):
     series = xr.open_dataset(dataset)
     tree = xr.open_datatree(dataset)
     events, snapshots = tree["events"].dataset, tree["snapshots"].dataset
@@ -94,7 +94,7 @@ def test_primaries_are_conserved_in_every_row_of_the_file(dataset):
 
 
 def test_aggregates_can_be_followed_by_their_numbers(dataset):
-    """Every parent is a product or a snapshot's member of before, or a copy made by a doubling."""
+    """Every parent is a product or a member of an earlier snapshot, or a copy made by a doubling."""
     events = xr.open_datatree(dataset)["events"].dataset
     flags = dict(
         zip(
@@ -260,9 +260,9 @@ def test_a_full_disk_leaves_the_last_state_usable(tmp_path):
     script = FULL_DISK.format(
         paths=[str(Path(__file__).parents[1] / "helpers"), *sys.path], path=str(path), size=300_000
     )
-    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=600)
-    assert told.returncode == 0, told.stderr
-    assert "cannot be written" in told.stdout and "MiB free" in told.stdout
+    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=600)
+    assert said.returncode == 0, said.stderr
+    assert "cannot be written" in said.stdout and "MiB free" in said.stdout
     assert [file.name for file in tmp_path.iterdir()] == ["run.nc"]
     scene = synthetic.scene(population__initial=40)
     summary = run(scene, path, events=60, resume=True, encounter=synthetic.aggregation_and_breakup)
@@ -291,7 +291,7 @@ def test_a_file_damaged_anywhere_is_refused_by_every_reader(dataset, tmp_path):
     assert damaged.read_bytes() == bytes(broken)
 
 
-def test_a_dataset_of_before_checksums_is_read_and_its_damage_told(tmp_path):
+def test_a_dataset_of_before_checksums_is_read_and_its_damage_reported(tmp_path):
     """Blocks of noise: one line that names the file, or what it held."""
     old = Path(__file__).with_name("run_of_before.nc")
     whole = old.read_bytes()

@@ -88,7 +88,7 @@ def test_a_dask_cluster_gives_the_same_dataset(reference, tmp_path):
 def mpi(*arguments: str) -> subprocess.CompletedProcess[str]:
     """A command in the environment of these tests, three ranks to a batch job.
 
-    Open MPI wants to be told that two cores and a root user will do; other MPIs ignore these variables.
+    Open MPI must hear that two cores and a root user will do; other MPIs ignore these variables.
     """
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join([str(SCRIPT.parents[2]), str(SCRIPT.parent)]),
@@ -124,9 +124,9 @@ needs_mpi = pytest.mark.skipif(
 def test_the_ranks_of_mpiexec_give_the_same_dataset(reference, tmp_path, launcher):
     path = tmp_path / "run.nc"
     arguments = [str(SCRIPT), str(path), "--events", str(EVENTS), "--executor", "mpi"]
-    told = mpi("mpiexec", "-n", "3", sys.executable, *launcher, *arguments)
-    assert told.returncode == 0, told.stderr
-    assert told.stdout.split()[:2] == ["events", str(EVENTS)]
+    said = mpi("mpiexec", "-n", "3", sys.executable, *launcher, *arguments)
+    assert said.returncode == 0, said.stderr
+    assert said.stdout.split()[:2] == ["events", str(EVENTS)]
     assert differences(reference, path) == []
 
 
@@ -135,9 +135,9 @@ def test_the_batch_script_gives_the_dataset_of_one_process(tmp_path):
     """The very script, and real encounters; SLURM would start it like this."""
     root = SCRIPT.parents[2]
     scene, one, three = root / "scenes" / "quickstart.toml", tmp_path / "one.nc", tmp_path / "three.nc"
-    told = mpi("bash", str(root / "docs" / "cluster.sbatch"), str(scene), str(three), "--events", "60")
-    assert told.returncode == 0, told.stderr
-    assert "60 events" in told.stdout and "ended by events" in told.stdout
+    said = mpi("bash", str(root / "docs" / "cluster.sbatch"), str(scene), str(three), "--events", "60")
+    assert said.returncode == 0, said.stderr
+    assert "60 events" in said.stdout and "ended by events" in said.stdout
     run_control.run(load_scene(scene), one, events=60)
     assert differences(one, three) == []
 
@@ -319,24 +319,24 @@ def test_asked_to_stop_it_leaves_a_whole_dataset(reference, tmp_path, number, wo
     process = start(path, "--events", str(EVENTS), "--workers", workers)
     wait_for(lambda: stored_events(path) > 0)
     process.send_signal(number)
-    told, _ = process.communicate(timeout=600)
+    said, _ = process.communicate(timeout=600)
     assert process.returncode == 0
-    assert told.startswith("interruption")
-    events = int(told.split()[1])
+    assert said.startswith("interruption")
+    events = int(said.split()[1])
     assert 0 < events < EVENTS
     assert stored_events(path) == events
     run(path, resume=True)
     assert differences(reference, path) == []
 
 
-def test_a_defect_of_an_encounter_is_told_and_what_came_before_it_is_kept(tmp_path):
+def test_a_defect_of_an_encounter_is_reported_and_what_came_before_it_is_kept(tmp_path):
     path = tmp_path / "run.nc"
     with pytest.raises(ArithmeticError, match="three is a crowd"):
         run(path, encounter=synthetic.broken)
     assert stored_events(path) > 0
 
 
-def test_a_dead_worker_is_told_and_what_came_before_it_is_kept(tmp_path):
+def test_a_dead_worker_is_reported_and_what_came_before_it_is_kept(tmp_path):
     path = tmp_path / "run.nc"
     with pytest.raises(UserError, match=r"a worker died.*--resume"):
         run(path, encounter=synthetic.deadly, workers=2)
@@ -377,10 +377,10 @@ def test_the_last_aggregate_ends_the_run(tmp_path):
     assert (summary.ended_by, summary.time) == ("time", 2.5)
 
 
-def test_progress_tells_where_the_run_stands(tmp_path):
-    told = []
-    summary = run(tmp_path / "run.nc", progress=told.append)
-    last = told[-1]
+def test_progress_says_where_the_run_stands(tmp_path):
+    said = []
+    summary = run(tmp_path / "run.nc", progress=said.append)
+    last = said[-1]
     assert (last.events, last.time, last.outcomes, last.done) == (EVENTS, summary.time, summary.outcomes, 1.0)
     assert last.mean_size == xr.open_dataset(summary.path)["mean_size"][-1]
 
@@ -393,13 +393,13 @@ def test_a_clock_that_jumps_does_not_touch_the_process(reference, tmp_path, monk
     jumps = random.Random(1)
     monkeypatch.setattr(time, "time", lambda: 1e9 * jumps.random())
     monkeypatch.setattr(time, "time_ns", lambda: int(1e18 * jumps.random()))
-    told = []
-    summary = run(tmp_path / "run.nc", progress=told.append)
-    assert summary.elapsed >= 0.0 and all(p.remaining is None or p.remaining >= 0.0 for p in told)
+    said = []
+    summary = run(tmp_path / "run.nc", progress=said.append)
+    assert summary.elapsed >= 0.0 and all(p.remaining is None or p.remaining >= 0.0 for p in said)
     assert differences(reference, tmp_path / "run.nc") == []
 
 
-def test_a_disk_that_fills_while_a_run_goes_is_told_and_costs_nothing(reference, tmp_path, monkeypatch):
+def test_a_disk_that_fills_while_a_run_goes_is_reported_and_costs_nothing(reference, tmp_path, monkeypatch):
     """The disk fills at the third writing: one clear line; what was written before is whole, and the run goes on from it."""
     from pbekit import files
 

@@ -67,10 +67,10 @@ def test_what_is_finished_is_not_run_again_and_what_is_not_goes_on(tmp_path):
 
     first = run(tmp_path)
     before = stamps()
-    told = []
-    again = run(tmp_path, progress=told.append, encounter=synthetic.broken)
+    said = []
+    again = run(tmp_path, progress=said.append, encounter=synthetic.broken)
     assert [member.state for member in again] == ["done"] * 4
-    assert stamps() == before and told == []
+    assert stamps() == before and said == []
     longer = run(tmp_path, events=90)
     assert [member.events for member in longer] == [90] * 4
     assert [member.seed for member in longer] == [member.seed for member in first]
@@ -78,7 +78,7 @@ def test_what_is_finished_is_not_run_again_and_what_is_not_goes_on(tmp_path):
     assert len(grown) == 6 and all(member.state == "done" for member in grown)
 
 
-def test_a_failed_member_tells_why_and_does_not_stop_the_others(tmp_path):
+def test_a_failed_member_says_why_and_does_not_stop_the_others(tmp_path):
     (tmp_path / "viscosity=75_mPa_s,initial=30.1.nc").write_text("not a dataset")
     found = run(tmp_path)
     assert [member.state for member in found] == ["failed", "done", "done", "done"]
@@ -194,8 +194,8 @@ def test_asked_to_stop_every_member_keeps_what_it_has(tmp_path, number):
         assert time.monotonic() < end
         time.sleep(0.01)
     process.send_signal(number)
-    told, _ = process.communicate(timeout=600)
-    states = told.split()
+    said, _ = process.communicate(timeout=600)
+    states = said.split()
     assert process.returncode == 0 and len(states) == 4
     assert states.count("interrupted") >= 1 and set(states) <= {"interrupted", "waiting", "done"}
     for row in index(tmp_path):
@@ -220,8 +220,8 @@ def test_members_asked_before_they_began_wait(tmp_path):
 
 def test_a_dead_worker_fails_its_member_alone(tmp_path):
     process = start(tmp_path, 2, "deadly_in_one")
-    told, _ = process.communicate(timeout=600)
-    assert told.split().count("failed") == 1 and told.split().count("done") == 3
+    said, _ = process.communicate(timeout=600)
+    assert said.split().count("failed") == 1 and said.split().count("done") == 3
     assert [row["why"] for row in index(tmp_path) if row["why"]] == [
         "its worker died: of lack of memory, or killed"
     ]

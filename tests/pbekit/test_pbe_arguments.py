@@ -233,7 +233,7 @@ def test_options_that_cannot_be_meant_are_refused(option, kernels, tmp_path):
 
 @pytest.mark.parametrize("place", ["taken", "taken/below"])
 @pytest.mark.parametrize("command", ["compare", "stresses"])
-def test_a_file_where_a_folder_is_asked_for_is_told_in_a_line(command, place, tmp_path, monkeypatch):
+def test_a_file_where_a_folder_is_asked_for_is_refused_in_a_line(command, place, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("a.nc", "b.nc"):
         table(7, viscosity=1.0, volume_fraction=1e-4).save(tmp_path / name)

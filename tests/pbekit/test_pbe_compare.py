@@ -21,7 +21,7 @@ from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, sta
 from pbekit.estimated_rates.stress_interpolation import InterpolatedRates, interpolate
 from pbekit.solution.finite_population import population_course
 from pbekit.solution.steady import steady_state
-from pbekit.study.ablation import distance, switches
+from pbekit.study.ablation import changed_assumptions, distance
 from pbekit.study.analytical import AnalyticalBalance
 from pbekit.study.compare import other_tables
 from pbekit.study.monte_carlo import MonteCarlo
@@ -120,9 +120,9 @@ def test_eta_11_counts_pairs_of_primaries(table):
     assert low < eta < high
 
 
-def test_every_switch_makes_a_balance(table):
+def test_every_assumption_makes_a_balance(table):
     names = []
-    for name, make, scheme in switches(table):
+    for name, make, scheme in changed_assumptions(table):
         balance = make().balance(scheme=scheme)
         assert np.isfinite(balance.rhs(0, balance.state(balance.grid.monodisperse(0.01)))).all()
         names.append(name)
@@ -167,7 +167,7 @@ def test_exponents_over_stresses_are_those_put_in(three_stresses):
     assert float(reference.mean_size_analytical) == pytest.approx(float(reference.mean_size), rel=0.01)
     assert found.attrs["q_mean_size_analytical"] > 0.5
     assert np.all(found.no_steady_state.values == "") and np.all(found.extrapolated < 0.05)
-    # One inner table tells no error of interpolation of its own prediction.
+    # One inner table gives no error of interpolation of its own prediction.
     assert np.isfinite(found.mean_size_interpolated[1]) and np.isnan(found.mean_size_interpolated_low[1])
 
 
@@ -177,7 +177,7 @@ def test_two_stresses_give_no_exponent(two_stresses):
     assert np.isfinite(law.mean_size).all()
 
 
-def test_stresses_are_drawn_and_told(three_stresses, tmp_path):
+def test_stresses_are_drawn_and_said(three_stresses, tmp_path):
     done = call("stresses", *three_stresses, "-o", tmp_path / "s", "--draws", 19)
     assert done.exit_code == 0, done.output
     for name in ("eta_11", "stress"):
@@ -202,7 +202,7 @@ def call(*arguments):
     return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
-def test_show_tells_what_decides_the_error(files):
+def test_show_says_what_decides_the_error(files):
     done = call("show", files / "k.nc")
     assert done.exit_code == 0, done.output
     assert "2100 encounters" in done.output and "shares of its variance" in done.output
@@ -223,10 +223,10 @@ def test_solve_writes_a_dataset(files, tmp_path, options):
     assert data.attrs["steady_mean_size"] > 1 and "scene" in data.attrs
 
 
-def test_compare_draws_and_tells(files, tmp_path):
+def test_compare_draws_and_says(files, tmp_path):
     done = call("compare", files / "k.nc", "--run", files / "run.nc", "-o", tmp_path / "c", "--draws", 19)
     assert done.exit_code == 0, done.output
-    for name in ("table", "course", "distribution", "switches", "volume-fractions"):
+    for name in ("table", "course", "distribution", "ablation", "volume-fractions"):
         assert (tmp_path / "c" / f"k-{name}.png").stat().st_size > 5000
         assert (tmp_path / "c" / f"k-{name}.nc").exists()
     assert (tmp_path / "c" / "eta_11.png").stat().st_size > 5000
@@ -238,9 +238,9 @@ def test_compare_draws_and_tells(files, tmp_path):
     assert abs(float(late.mean_size) / float(late.mean_size_monte_carlo) - 1) < 0.3
     assert float(late.mean_size_run_low) < float(late.mean_size) < float(late.mean_size_run_high)
     sizes = xr.load_dataset(tmp_path / "c" / "k-distribution.nc")
-    told = np.flatnonzero(sizes.density_monte_carlo.values > 0.02)
-    assert told.size > 2
-    assert np.all(np.abs(np.log(sizes.late_density / sizes.density_monte_carlo))[told] < 1)
+    said = np.flatnonzero(sizes.density_monte_carlo.values > 0.02)
+    assert said.size > 2
+    assert np.all(np.abs(np.log(sizes.late_density / sizes.density_monte_carlo))[said] < 1)
 
 
 def test_mistakes_are_answered_in_a_line(files, tmp_path):
@@ -300,7 +300,7 @@ def test_at_the_ends_and_beyond(three_stresses):
         interpolate([silent, upper], 1.5)
 
 
-def test_stresses_of_several_shear_rates_are_told_without_foretelling(three_stresses):
+def test_stresses_of_several_shear_rates_are_shown_without_prediction(three_stresses):
     tables = [KernelTable.load(path) for path in three_stresses]
     faster = KernelTable.of(tables[2].records, RADIUS, 2 * SHEAR_RATE, shapes=1, about=tables[2].about)
     law = stress_law([*tables[:2], faster], draws=19)

@@ -13,7 +13,7 @@ from pbekit import figures
 from pbekit.study.compare import Comparison
 
 SIZES = np.arange(1.0, 41.0)
-SWITCHES = ["as tabulated", "products forget the parents' shape", "outcomes by the fitted law alone"]
+ASSUMPTIONS = ["as tabulated", "products forget the parents' shape", "outcomes by the fitted law alone"]
 LEGS = ["small", "large", "without a steady state"]
 
 
@@ -62,15 +62,15 @@ def comparison(leg):
             numbers |= {key: scale, f"{key}_low": 0.9 * scale, f"{key}_high": 1.1 * scale}
     numbers |= {"end_mean_size_run_low": 0.7 * scale, "end_mean_size_run_high": 1.4 * scale}
     steady = np.nan if leg == "without a steady state" else scale
-    switched = xr.Dataset(
+    changed = xr.Dataset(
         {
-            "mean_size": ("switch", steady * np.array([1, 1.2, 0.9])),
-            "end_mean_size": ("switch", scale * np.array([1, 1.1, 0.95])),
-            "late_distance": ("switch", [0.1, 0.15, 0.12]),
+            "mean_size": ("assumption", steady * np.array([1, 1.2, 0.9])),
+            "end_mean_size": ("assumption", scale * np.array([1, 1.1, 0.95])),
+            "late_distance": ("assumption", [0.1, 0.15, 0.12]),
         },
-        {"switch": SWITCHES},
+        {"assumption": ASSUMPTIONS},
     )
-    return Comparison(course, sizes, numbers, switched, None, None, None)
+    return Comparison(course, sizes, numbers, changed, None, None, None)
 
 
 def over_stresses(leg):
@@ -102,7 +102,7 @@ def over_stresses(leg):
 DRAWN = {
     "course": lambda leg, path: figures.draw_course(comparison(leg), path),
     "distribution": lambda leg, path: figures.draw_distribution(comparison(leg), path),
-    "switches": lambda leg, path: figures.draw_switches(comparison(leg), path),
+    "ablation": lambda leg, path: figures.draw_ablation(comparison(leg), path),
     "volume fractions": lambda leg, path: figures.draw_volume_fractions(fractions(leg), path),
     "stresses": lambda leg, path: figures.draw_stress_law(*over_stresses(leg)[:2], path),
     "efficiencies": lambda leg, path: figures.draw_efficiencies(over_stresses(leg)[2], path),
@@ -164,7 +164,7 @@ def test_a_figure_with_nothing_to_show_is_left_out_with_a_line(tmp_path, monkeyp
     for key in ("end", "late_from", "late_distance"):
         found.numbers.pop(key)
     drawn = []
-    for name in ("draw_table", "draw_course", "draw_distribution", "draw_switches", "draw_volume_fractions"):
+    for name in ("draw_table", "draw_course", "draw_distribution", "draw_ablation", "draw_volume_fractions"):
         monkeypatch.setattr(figures, name, lambda *_, name=name: drawn.append(name))
     lines = figures.draw_comparison(found, tmp_path / "k")
     assert drawn == ["draw_table", "draw_course", "draw_distribution"]

@@ -1,4 +1,4 @@
-"""Laws every balance obeys, over every member of each family: conservation, positivity, slopes, refusals, slow twins."""
+"""Laws every balance obeys, over every member of each family: conservation, positivity, slopes, refusals, slow references."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def known_sizes():
     return PopulationBalance(grid, events, edge="closed"), grid.monodisperse(NUMBER)
 
 
-def closure_of(records, outcomes="table"):
+def rates_of(records, outcomes="table"):
     edges = np.arange(1, LARGEST + 2)
     table = KernelTable.of(records, RADIUS, SHEAR_RATE, size_edges=edges, shapes=1)
     return EstimatedRates(table, Grid.primaries(LARGEST), outcomes)
@@ -78,7 +78,7 @@ def mean_size(population):
 def test_many_encounters_recover_the_exact_balance(outcomes, allowed):
     """60 000 encounters: steady <P> within 1 % (classes) and, the law's form being only near the truth, 3 % (smooth)."""
     balance, start = known_sizes()
-    estimated = closure_of(design(np.random.default_rng(1), 60_000, LARGEST), outcomes)
+    estimated = rates_of(design(np.random.default_rng(1), 60_000, LARGEST), outcomes)
     exact = mean_size(steady_state(balance, start).population)
     found = mean_size(steady_state(estimated.mean, start).population)
     assert found == pytest.approx(exact, rel=allowed)
@@ -97,7 +97,7 @@ def test_bands_cover_the_exact_answer_as_often_as_they_say():
     guess = steady_state(balance, start).population
     covered = np.zeros((40, 2), bool)
     for repeat in range(40):
-        estimated = closure_of(design(np.random.default_rng([7, repeat]), 2500, LARGEST))
+        estimated = rates_of(design(np.random.default_rng([7, repeat]), 2500, LARGEST))
         late = course_output(start, TIMES[[0, -1]], rtol=1e-5)
         settled = steady_output(start, guess=guess)
 
@@ -195,7 +195,7 @@ def test_radii_are_per_aggregate_though_encounters_favour_the_large():
 def test_variance_by_adjoint_is_the_variance_of_draws(outcomes):
     """120 draws give their deviation to 6.5 % (one sigma): the two agree within 25 %."""
     _, start = known_sizes()
-    estimated = closure_of(design(np.random.default_rng(3), 6000, LARGEST), outcomes)
+    estimated = rates_of(design(np.random.default_rng(3), 6000, LARGEST), outcomes)
     steady = steady_state(estimated.mean, start)
     shares = variance_shares(estimated, steady, mean_size_gradient(estimated.mean, steady.population))
     drawn = draws_of(estimated, steady_output(start, guess=steady.population), 120)
@@ -209,7 +209,7 @@ def test_next_encounters_go_where_they_help():
     first = design(np.random.default_rng(5), 1500, LARGEST)
 
     def deviation(records):
-        estimated = closure_of(records)
+        estimated = rates_of(records)
         steady = steady_state(estimated.mean, start)
         return estimated, variance_shares(
             estimated, steady, mean_size_gradient(estimated.mean, steady.population)
@@ -241,7 +241,7 @@ def test_extrapolation_is_flagged():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_every_draw_is_physical(seed):
-    estimated = closure_of(design(np.random.default_rng(0), 300, LARGEST))
+    estimated = rates_of(design(np.random.default_rng(0), 300, LARGEST))
     rng = np.random.default_rng(seed)
     p = estimated.probabilities(estimated.weights(rng), rng)
     assert np.all(p >= 0)
@@ -255,7 +255,7 @@ def test_every_draw_is_physical(seed):
 def test_a_table_without_breakup_still_makes_a_file_and_a_balance(tmp_path):
     records = design(np.random.default_rng(0), 4000, LARGEST)
     records = records.select(np.isin(records.outcome, (MISSED, AGGREGATION)))
-    estimated = closure_of(records)
+    estimated = rates_of(records)
     estimated.table.save(tmp_path / "k.nc")
     assert KernelTable.load(tmp_path / "k.nc").to_dataset().fragment_mass_density.sum() == 0
     balance = estimated.mean
@@ -307,7 +307,7 @@ def test_counts_against_a_slow_twin():
     assert sum(counts.values()) == table.counts.sum()
 
 
-def test_survivors_are_told_apart():
+def test_survivors_are_distinguished():
     records = design(np.random.default_rng(2), 300, LARGEST, (1.2, 2.2))
     kept = records.survivors[:, 0] >= 0
     assert np.array_equal(kept, np.isin(records.outcome, (0, 1)))
@@ -351,7 +351,7 @@ def test_unresolved_encounters_are_left_out_and_counted():
     missed = np.flatnonzero(records.outcome == MISSED)[:100]
     outcome = records.outcome.copy()
     outcome[missed] = UNRESOLVED
-    estimated = closure_of(dataclasses.replace(records, outcome=outcome))
+    estimated = rates_of(dataclasses.replace(records, outcome=outcome))
     assert estimated.unresolved == pytest.approx(0.1)
     assert len(estimated.records) == 900
 

@@ -79,7 +79,7 @@ def test_of_mcdem_commands_and_figures_are_left_out():
 
 
 def test_no_import_is_overlooked():
-    """The lines of imports against Python's own reading of them."""
+    """The lines of imports against those that Python finds itself."""
     for path in PACKAGE.rglob("*.py"):
         inside = (PACKAGE.name, *path.relative_to(PACKAGE).parent.parts)
         text, wanted = path.read_text(), set()

@@ -14,7 +14,7 @@ from mcdem.integrators import MENU, SCHEMES
 
 ROOT = Path(__file__).parents[2]
 OLD_NAMES = "renamed_keys.py"
-"""What names of before are called now, which is not to name a member."""
+"""What earlier names are called now, which is not to name a member."""
 FILES = sorted(
     path
     for package in ("mcdem", "pbekit")

@@ -8,15 +8,13 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-SHARED = ("pbekit.endings",)
-"""How a command line program ends is the same for both."""
+SHARED = ("pbekit.endings", "pbekit.program", "pbekit.progress")
+"""What a command line program answers and shows, and how it ends, is the same for both."""
 CROSSINGS = {
     "mcdem/kernel_tables.py": ("pbekit",),
     "mcdem/netcdf/whole_files.py": ("pbekit.files",),
-    "mcdem/commands/__init__.py": ("pbekit.program",),
-    "mcdem/commands/main.py": ("pbekit.program",),
 }
-"""What else is taken from pbekit, and where: the balance of a table, the one way to files, and what a program answers."""
+"""What else is taken from pbekit, and where: the balance of a table, and the one way to files."""
 SOURCES = [*sorted((ROOT / "mcdem").rglob("*.py")), *sorted((ROOT / "pbekit").rglob("*.py"))]
 
 

@@ -103,13 +103,13 @@ def test_the_readme_quotes_what_the_comparison_says(runs):
     sizes = np.concatenate(
         [at_750.population(k, rigidity=False)["size"].values for k in at_750.late_snapshots]
     )
-    told = re.fullmatch(
+    said = re.fullmatch(
         r"([\d.]+), 95 % of them up to (\d+), none above (\d+)", quoted("mean size of the clusters")
     )
-    assert told is not None
-    assert float(told[1]) == round(at_750.average("mean_size").mean, 1)
-    assert int(told[2]) == np.quantile(sizes, 0.95)
-    assert int(told[3]) == sizes.max()
+    assert said is not None
+    assert float(said[1]) == round(at_750.average("mean_size").mean, 1)
+    assert int(said[2]) == np.quantile(sizes, 0.95)
+    assert int(said[3]) == sizes.max()
     (balance,) = re.findall(r"where the runs have ([\d., and]+?) \(a second", README)
     measured = [runs[name].average("mean_size").mean for name in (
         "run-750Pa-of-100.nc", "run-875Pa-of-100.nc", "run-1000Pa.nc", "run-1250Pa.nc", "run-1500Pa-of-100.nc")]  # fmt: skip

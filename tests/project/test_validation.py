@@ -191,7 +191,7 @@ def test_any_executor_gives_the_same_numbers(tmp_path):
 # What is written
 
 
-def test_page_and_table_tell_everything(tmp_path, monkeypatch):
+def test_page_and_table_say_everything(tmp_path, monkeypatch):
     case = keep_case(
         monkeypatch,
         "drag_along_the_line",
@@ -307,7 +307,7 @@ def test_a_check_without_verdict_is_shown_with_a_dash():
     assert report.expectation(shown("x", 1.0, expected=2.0)) == "beside 2"
 
 
-def test_a_number_is_written_to_the_digits_that_its_tolerance_tells_apart():
+def test_a_number_is_written_to_the_digits_that_its_tolerance_distinguishes():
     fine = near("x", 0.73243604, 0.7324360, abs=2e-6)
     assert (report.result(fine), report.expectation(fine)) == ("0.732436", "0.732436 ± 2e-06")
     coarse = near("x", 0.6451234, 0.645, abs=5e-4, error=1.2345e-4)
@@ -355,15 +355,22 @@ def test_the_line_by_line_verdict_is_that_of_the_row():
 
 
 def test_a_saved_table_of_costs_is_read_as_written(tmp_path):
-    from mcdem.analysis.accuracy_cost import Price, Setting
-    from mcdem.commands.cost import write
+    from mcdem.analysis.accuracy_cost import Price, write_prices
+    from mcdem.analysis.paired_encounters import Setting
     from validation import datasets
 
     price = Price(Setting("as given", "as given"), np.arange(4.0), np.arange(4.0) / 8, 0.25, 30.0, 0.5)
-    write([price], tmp_path / "cost.csv")
+    write_prices([price], tmp_path / "cost.csv")
     (row,) = datasets.prices(tmp_path / "cost.csv")
     assert (row["setting"], row["cpu_time_s"], row["error_eta_11"]) == ("as given", 0.25, 0.0)
     assert (row["error_geometry"], row["standard_error_geometry"]) == (3.0, 3 / 8)
+    # Earlier tables call what is varied a knob.
+    old = (tmp_path / "cost.csv").read_text().replace(",varied,", ",knob,")
+    (tmp_path / "old.csv").write_text(old)
+    assert datasets.prices(tmp_path / "old.csv") == [row] and row["varied"] == "as given"
+    (tmp_path / "other.csv").write_text("setting\n")
+    with pytest.raises(UserError, match="expected a table of `mcdem cost`"):
+        datasets.prices(tmp_path / "other.csv")
 
 
 def test_the_peers_numbers_are_of_the_spheres_that_are_compared():
@@ -432,7 +439,7 @@ def test_statics_balance_and_the_worst_orientation_bounds_all_others():
     assert 0.9 * worst < most <= worst * (1 + 1e-9)
 
 
-# Slow twins and statistics that cases rest on
+# Slow references and statistics that cases rest on
 
 
 def test_inflow_of_extension_is_all_within_the_cone_on_which_the_flow_turns():

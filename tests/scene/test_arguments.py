@@ -392,6 +392,6 @@ OPTIONS = {
 def test_options_that_cannot_be_meant_are_refused(line, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, [str(PAPER) if word == "SCENE" else word for word in line.split()])
-    told = " ".join(done.output.replace("│", " ").split())
-    assert done.exit_code == 2 and OPTIONS[line] in told and len(told) < 800, told
+    said = " ".join(done.output.replace("│", " ").split())
+    assert done.exit_code == 2 and OPTIONS[line] in said and len(said) < 800, said
     assert not list(tmp_path.iterdir())

@@ -42,16 +42,16 @@ trials = st.builds(
 @settings(max_examples=250, suppress_health_check=[HealthCheck.too_slow])
 @given(trials)
 def test_any_encounter_ends_and_holds_the_laws(trial):
-    told = attempt(trial)
-    assert not told.failures, told
+    found = attempt(trial)
+    assert not found.failures, found
 
 
 @pytest.mark.slow
 @settings(max_examples=2500, suppress_health_check=[HealthCheck.too_slow])
 @given(trials.map(lambda trial: replace(trial, most_steps=5000)))
 def test_thousands_of_encounters_hold_the_laws(trial):
-    told = attempt(trial)
-    assert not told.failures, told
+    found = attempt(trial)
+    assert not found.failures, found
 
 
 def test_a_trial_is_its_seed_and_number_and_survives_its_file():
@@ -80,20 +80,20 @@ def test_a_crash_and_a_broken_law_are_failures(monkeypatch):
         raise FloatingPointError("boom")
 
     monkeypatch.setattr("mcdem.simulate_encounter", crash, raising=False)
-    told = attempt(trial)
-    assert told.outcome == "crash" and "FloatingPointError: boom" in told.failures[0]
+    found = attempt(trial)
+    assert found.outcome == "crash" and "FloatingPointError: boom" in found.failures[0]
     monkeypatch.undo()
     monkeypatch.setitem(fuzz.laws.OF_RESULTS, "finite", lambda whole: (float("nan"), "no number"))
     assert attempt(trial).failures == ("finite: no number",)
 
 
-def test_failures_are_kept_and_told(monkeypatch, tmp_path, capsys):
+def test_failures_are_kept_and_reported(monkeypatch, tmp_path, capsys):
     import typer
 
-    broken = fuzz.Told("missed", "", 3, 0.1, ("finite: nothing is",))
+    broken = fuzz.Attempt("missed", "", 3, 0.1, ("finite: nothing is",))
 
     def two(seed, encounters, workers):
-        yield 0, numbered(seed, 0), fuzz.Told("missed", "", 3, 0.1)
+        yield 0, numbered(seed, 0), fuzz.Attempt("missed", "", 3, 0.1)
         yield 1, numbered(seed, 1), broken
 
     monkeypatch.setattr(fuzz, "fuzz", two)

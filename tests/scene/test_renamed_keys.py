@@ -1,4 +1,4 @@
-"""Scenes with the names of before: refused in a file, with the new name; read from a dataset."""
+"""Scenes with earlier names: refused in a file, with the new name; read from a dataset."""
 
 import pytest
 
@@ -31,10 +31,10 @@ end_inert = false
 @pytest.mark.parametrize("old, new", KEYS.items())
 def test_a_key_of_before_is_refused_with_its_new_name(old, new):
     table, _, key = old.rpartition(".")
-    with pytest.raises(SceneError) as told:
+    with pytest.raises(SceneError) as said:
         Scene.from_text(f"{TEXT}[{table}]\n{key} = 1\n", "here.toml")
-    assert len(str(told.value).splitlines()) == 1
-    assert f'[{table}] key "{key}" is now' in str(told.value) and new.rpartition(".")[2] in str(told.value)
+    assert len(str(said.value).splitlines()) == 1
+    assert f'[{table}] key "{key}" is now' in str(said.value) and new.rpartition(".")[2] in str(said.value)
 
 
 @pytest.mark.parametrize("place, new", VALUES.items())

@@ -304,7 +304,7 @@ def test_a_table_of_the_wrong_kind():
     assert '"effects" is a table; write [effects] and its keys below' in _all_refusals("effects = 3\n" + rest)
 
 
-def test_several_mistakes_are_told_together():
+def test_several_mistakes_are_reported_together():
     text = edited('"500 nm"', '"500 Pa"').replace('"75 cP"', '"-75 cP"')
     lines = _all_refusals(text).splitlines()
     assert [line.split(" = ")[0] for line in lines] == [

@@ -26,7 +26,7 @@ def judge(context: Context, rows):
     named = {row["setting"]: row for row in rows}
     reference, given = named["reference"], named["as given"]
     steps = sorted(
-        (row for row in rows if row["knob"] == "max_step"),
+        (row for row in rows if row["varied"] == "max_step"),
         key=lambda row: float(row["setting"].partition("=")[2]),
     )
     finest, coarsest = (steps[k]["error_eta_11"] for k in (0, -1))
@@ -39,11 +39,11 @@ def judge(context: Context, rows):
         below("finest step: relative error of eta_11", finest, 0.005),
     ]  # fmt: skip
     for row in rows:
-        told = ", ".join(
+        words = ", ".join(
             f"{name} {row[f'error_{name}']:.2g} ± {row[f'standard_error_{name}']:.1g}" for name in SAMPLED
         )
         checks.append(shown(f"{row['setting']}: time of an encounter", 1e3 * row["cpu_time_s"], unit="ms",
-                            why=f"eta_11 off by {row['error_eta_11']:.2g}; {told}"))  # fmt: skip
+                            why=f"eta_11 off by {row['error_eta_11']:.2g}; {words}"))  # fmt: skip
 
     def draw():
         figure, axes = canvas(width=4.8, height=2.9)

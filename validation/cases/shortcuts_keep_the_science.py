@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcdem.analysis.accuracy_cost import REFERENCE
+from mcdem.analysis.paired_encounters import REFERENCE
 from mcdem.encounter.simulate import OUTCOMES
 from mcdem.figures.style import BLACK, BLUE, canvas, legend
 from validation import agreement, datasets

@@ -234,11 +234,11 @@ class Refused:
         try:
             self.attempt(load_scene(PAPER))
         except UserError as problem:
-            told = str(problem).replace(f"{PAPER.parent}/", "")
-            margin = 1.0 if self.says in told and "\n" not in told else -1.0
+            message = str(problem).replace(f"{PAPER.parent}/", "")
+            margin = 1.0 if self.says in message and "\n" not in message else -1.0
         else:
-            told, margin = "nothing was refused", -1.0
-        yield finding(self, "refused at the door", 0, margin, told)
+            message, margin = "nothing was refused", -1.0
+        yield finding(self, "refused at the door", 0, margin, message)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import mcdem
-from mcdem.analysis.accuracy_cost import level_changes
+from mcdem.analysis.paired_encounters import level_changes
 from validation.fuzz import FOUND
 from validation.hard_cases import edges
 from validation.hard_cases.case import Case, Encounter, Ensemble, Refused, Shortcut, Suspension
@@ -76,9 +76,9 @@ CONTACTS: list[Case] = [
 
 def ranged(what: str, key: str, values: tuple[str | float, ...], **options) -> list[Encounter]:
     """Tetrahedra that meet, under each value of one key."""
-    told = f"tries the ends of the range of {key}"
+    purpose = f"tries the ends of the range of {key}"
     return [
-        Encounter(f"{what} = {value}", told, *TETRAHEDRON, changes={key: value}, **options)
+        Encounter(f"{what} = {value}", purpose, *TETRAHEDRON, changes={key: value}, **options)
         for value in values
     ]
 

@@ -91,8 +91,8 @@ def conserves(whole: Followed) -> Margin:
     total = first.size + second.size
     every = np.array_equal(np.sort(np.concatenate(r.members)), np.arange(total))
     sizes = [p.size for p in r.products] == [len(m) for m in r.members]
-    told = r.outcome == "unresolved" or r.outcome == classify(r.members, first.size, r.contact)
-    return yes(every and sizes and told, f"{total} primaries in {len(r.products)} products")
+    named = r.outcome == "unresolved" or r.outcome == classify(r.members, first.size, r.contact)
+    return yes(every and sizes and named, f"{total} primaries in {len(r.products)} products")
 
 
 def is_finite(whole: Followed) -> Margin:

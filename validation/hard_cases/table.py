@@ -39,15 +39,15 @@ def warm_up() -> None:
         mcdem.simulate_encounter(scene, mote, mote, (0.0, 1.9 * scene.suspension.radius))
 
 
-def judge(cases: Iterable[Case], told: Callable[[Finding], None] = lambda finding: None) -> list[Judged]:
-    """Check every case against its laws; `told` is called with each finding as it comes."""
+def judge(cases: Iterable[Case], progress: Callable[[Finding], None] = lambda finding: None) -> list[Judged]:
+    """Check every case against its laws; `progress` is called with each finding as it comes."""
     warm_up()
     judged = []
     for case in cases:
         began, findings = time.process_time(), []
         for finding in case.judge():
             findings.append(finding)
-            told(finding)
+            progress(finding)
         judged.append(Judged(case, tuple(findings), time.process_time() - began))
     return judged
 
@@ -59,10 +59,10 @@ def verdicts(judged: Sequence[Judged]) -> Counter[str]:
 
 def summary(judged: Sequence[Judged]) -> str:
     """One line."""
-    told = ", ".join(f"{count} {verdict}" for verdict, count in verdicts(judged).items())
+    counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts(judged).items())
     longest = max(judged, key=lambda one: one.seconds)
     return (
-        f"{len(judged)} cases: {told}; the longest, {longest.case.name}, took {longest.seconds:.1f} s of processor with "
+        f"{len(judged)} cases: {counts}; the longest, {longest.case.name}, took {longest.seconds:.1f} s of processor with "
         "all its laws"
     )
 
