@@ -51,8 +51,19 @@ class InterpolatedRates:
 
     @classmethod
     def of(cls, lower: EstimatedRates, upper: EstimatedRates, stress: float) -> InterpolatedRates:
-        """Of two tables that are on one grid already."""
+        """Of two tables that are on one grid already.
+
+        Parameters
+        ----------
+        lower, upper : rates estimated on the same grid and with the same options, of the tables at the stress below and above
+        stress : [Pa]
+
+        Raises
+        ------
+        PBEError : where grids or options differ, or the stress is not between the tables'
+        """
         _check(lower.table, upper.table, stress)
+        _check_options(lower, upper)
         found = cls.__new__(cls)
         found._set(lower, upper, stress)
         return found
@@ -131,6 +142,23 @@ def _check(lower: KernelTable, upper: KernelTable, stress: float) -> None:
             raise PBEError(
                 f"tables differ in {name} ({getattr(lower, name)} and {getattr(upper, name)}): "
                 "only between stresses of one suspension can be interpolated"
+            )
+
+
+def _check_options(lower: EstimatedRates, upper: EstimatedRates) -> None:
+    """Refuse rates that cannot be mixed cell by cell; raises `PBEError`."""
+    for name in ("pivots", "shape_edges"):
+        if not np.array_equal(getattr(lower.grid, name), getattr(upper.grid, name)):
+            raise PBEError(
+                f"grids of the lower and the upper table differ in {name}: estimate the rates of both on one, such as "
+                "common_grid([lower, upper])"
+            )
+    for name in ("memory", "smooth", "partners", "edge"):
+        one, other = getattr(lower, name), getattr(upper, name)
+        if one != other:
+            raise PBEError(
+                f"rates of the lower and the upper table differ in {name} ({one} and {other}): estimate both with the same "
+                "options of EstimatedRates"
             )
 
 

@@ -18,7 +18,7 @@ from pbekit import Grid, integrate
 from pbekit.commands.main import app
 from pbekit.errors import PBEError
 from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
-from pbekit.estimated_rates.stress_interpolation import InterpolatedRates, interpolate
+from pbekit.estimated_rates.stress_interpolation import InterpolatedRates, common_grid, interpolate
 from pbekit.solution.finite_population import population_course
 from pbekit.solution.steady import steady_state
 from pbekit.study.ablation import changed_assumptions, distance
@@ -261,7 +261,7 @@ def three_stresses(two_stresses):
     return two_stresses[0], path, two_stresses[1]
 
 
-def test_a_stress_between_two_tables_is_foretold(three_stresses):
+def test_a_stress_between_two_tables_is_predicted(three_stresses):
     tables = [KernelTable.load(path) for path in three_stresses]
     lower, upper = tables[0], tables[2]
     found = interpolate([upper, lower], 2**0.5)
@@ -282,6 +282,31 @@ def steady_size(estimated):
     table = estimated.table if hasattr(estimated, "table") else estimated.of_tables[0].table
     n = steady_state(estimated.mean, start_of(estimated.grid, table)).population
     return n @ estimated.grid.mass / n.sum()
+
+
+def test_rates_that_cannot_be_mixed_are_refused():
+    """Of two tables with classes of shape: with and without memory of shapes, on two grids, by two ways of outcomes."""
+    records = [design(np.random.default_rng(k), 400, 8, shapes=(1.0, 3.0)) for k in (1, 2)]
+    lower, upper = (
+        KernelTable.of(r, RADIUS, SHEAR_RATE, shape_edges=[1, 1.7, 3], about=ABOUT | {"viscosity": stress})
+        for r, stress in zip(records, (1.0, 2.0), strict=True)
+    )
+    grid = common_grid([lower, upper])
+    below = EstimatedRates(lower, grid)
+    assert below.memory
+    for above, words in (
+        (
+            EstimatedRates(upper, grid, memory=False),
+            r"differ in memory \(True and False\): estimate both with the same",
+        ),
+        (EstimatedRates(upper, grid, "smooth"), "differ in smooth"),
+        (EstimatedRates(upper, grid, partners=(1, 2)), "differ in partners"),
+        (EstimatedRates(upper, common_grid([lower, upper], largest=40)), "differ in pivots: .* common_grid"),
+        (EstimatedRates(upper, common_grid([lower, upper], shapes=None)), "differ in shape_edges"),
+    ):
+        with pytest.raises(PBEError, match=words):
+            InterpolatedRates.of(below, above, 1.5)
+    assert InterpolatedRates.of(below, EstimatedRates(upper, grid), 1.5).mean_rates.outcomes.shape[-1] == 3
 
 
 def test_at_the_ends_and_beyond(three_stresses):
