@@ -8,11 +8,10 @@ What is replaced: only a regular file, and only one of the very kind that is wri
 recognised by their contents; each says so in its own way (the title of a dataset, the author of a picture, the
 generator of a page, the header of a table), as a name alone proves nothing.
 
-Reading: datasets end in a line with the BLAKE2b digest of all bytes before it (NetCDF's libraries do not look beyond what
-their headers name).  It covers values, attributes and layout, and is compared before a library sees a byte.  Datasets of
-before have no such line and are read under the guard alone.
+Reading: a dataset's checksum (`pbekit.checksum`) is compared before a library sees a byte; earlier datasets have none and are
+read under the guard alone.
 
-This file knows no physics and imports nothing of either package: it is what mcdem may take from here beside the balance.
+This file knows no physics and neither package: it is what mcdem may take from here beside the balance.
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import fcntl
-import hashlib
 import json
 import mmap
 import os
@@ -39,6 +37,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple
 
+from pbekit.checksum import SEALED, add, agrees
+
 HDF5, CLASSIC = b"\x89HDF\r\n\x1a\n", b"CDF"
 """How NetCDF files begin: the new and the classic format."""
 
@@ -56,13 +56,6 @@ class Kind(NamedTuple):
     sealed: bool = False
     """Ends in its checksum."""
 
-
-SEAL = b"\nBLAKE2b of all before this line: "
-DIGEST = 32
-"""Bytes of the digest."""
-SEAL_LENGTH = len(SEAL) + 2 * DIGEST + 1
-SEALED = "BLAKE2b of all bytes before it, in the last line of the file"
-"""Attribute `checksum` of a dataset: without the line, a file that says so has lost its end or was changed."""
 
 LACKS_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 LACKS_RIGHT = (errno.EACCES, errno.EPERM, errno.EROFS)
@@ -221,7 +214,7 @@ class Files:
                 beside.unlink(missing_ok=True)  # of a process that was killed; a link here is not followed
                 yield beside
                 if kind.sealed:
-                    _seal(beside)
+                    add(beside)
                 _to_disk(beside)
                 if place.exists():
                     shutil.copymode(place, beside)
@@ -447,7 +440,7 @@ class Files:
                     raise self.error(
                         f"{path}: cannot be read as NetCDF (Unknown file format); expected {expected}"
                     )
-                whole = _agrees(file.fileno(), now.st_size)
+                whole = agrees(file.fileno(), now.st_size)
         except FileNotFoundError:
             raise self.error(f"{path}: no such file; expected {expected}") from None
         except (OSError, ValueError) as problem:
@@ -459,46 +452,6 @@ class Files:
                 f"{path}: cannot be read: is damaged, truncated or changed by another program, as its contents and its "
                 "checksum differ; restore it from a copy, or make it again"
             )
-
-
-def seal(path: Path | str) -> None:
-    """Renew the checksum of a dataset that was changed on purpose."""
-    size = Path(path).stat().st_size
-    with Path(path).open("r+b") as file:
-        file.seek(max(0, size - SEAL_LENGTH))
-        if file.read(len(SEAL)) == SEAL:
-            file.truncate(size - SEAL_LENGTH)
-    _seal(Path(path))
-
-
-def _seal(path: Path) -> None:
-    with path.open("r+b") as file:
-        digest = _digest(file, os.fstat(file.fileno()).st_size)
-        file.seek(0, os.SEEK_END)
-        file.write(SEAL + digest + b"\n")
-
-
-def _digest(file: Any, length: int) -> bytes:
-    """Hexadecimal digest of the first `length` bytes."""
-    digest = hashlib.blake2b(digest_size=DIGEST)
-    file.seek(0)
-    while length > 0 and (chunk := file.read(min(length, 1 << 20))):
-        digest.update(chunk)
-        length -= len(chunk)
-    return digest.hexdigest().encode()
-
-
-def _agrees(descriptor: int, size: int) -> bool:
-    """Whether an open file and its checksum agree; one that never had any does."""
-    with os.fdopen(os.dup(descriptor), "rb") as file:
-        file.seek(max(0, size - SEAL_LENGTH))
-        end = file.read(SEAL_LENGTH)
-        if end.startswith(SEAL):
-            return end[len(SEAL) :] == _digest(file, size - SEAL_LENGTH) + b"\n"
-        if size == 0:
-            return True
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            return content.find(SEALED.encode()) < 0 and content.rfind(SEAL[:12]) < 0
 
 
 def said_of_system(problem: OSError) -> str | None:

@@ -55,7 +55,8 @@ Events = Annotated[
 Workers = Annotated[
     int | None,
     typer.Option(
-        min=1, help="Workers that compute encounters; they change no result. Default: all available."
+        min=1,
+        help="Workers that compute encounters; on machines of one kind any number gives the same result. Default: all.",
     ),
 ]
 Kind = Annotated[

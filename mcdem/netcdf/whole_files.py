@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from mcdem.errors import DataFileError
-from pbekit.files import CLASSIC, HDF5, SEALED, Files, Kind
+from pbekit.checksum import SEALED
+from pbekit.files import CLASSIC, HDF5, Files, Kind
 
 FILES = Files("mcdem", DataFileError)
 """Every file of mcdem is written and read through this."""

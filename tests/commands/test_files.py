@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 import errno
 import os
 import resource
-import shutil
 import signal
 import socket
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 
 import matplotlib.figure
@@ -21,66 +17,28 @@ import numpy as np
 import pytest
 import synthetic
 import xarray as xr
-from typer.testing import CliRunner
+from small_files import (
+    ROOT,
+    course,
+    given_to_commands,
+    make_run,
+    make_table,
+    names,
+    small_run,
+)
 
 from mcdem.analysis.accuracy_cost import write_prices
 from mcdem.analysis.sensitivity import write_differences
-from mcdem.commands import main as mcdem_cli
-from mcdem.encounter.trajectory import Trajectory, export, read
+from mcdem.encounter.trajectory import export
 from mcdem.errors import DataFileError, UserError
 from mcdem.figures.film import film
 from mcdem.monte_carlo.compress import compress
-from mcdem.monte_carlo.record import opened
 from mcdem.monte_carlo.run_control import run
 from mcdem.monte_carlo.sweep import sweep
 from mcdem.netcdf.whole_files import FILES, FILM, INDEX, RUN, TRAJECTORY, VTK, XYZ
 from pbekit import files
-from pbekit.commands import main as pbekit_cli
 from pbekit.errors import PBEError
-from pbekit.files import SEAL
 from pbekit.outputs import FILES as PBE_FILES
-from pbekit.tables.kernel_table import KernelTable
-
-ROOT = Path(__file__).parents[2]
-RUN_OF_BEFORE = ROOT / "tests/monte_carlo/run_of_before.nc"
-TABLE_OF_BEFORE = ROOT / "notebooks/data/designed-750Pa.nc"
-
-
-def course(frames: int = 3) -> Trajectory:
-    """Two primaries that part."""
-    z = np.linspace(2.0, 9.0, frames)
-    positions = np.zeros((frames, 2, 3))
-    positions[:, 1, 2] = 1e-7 * z
-    return Trajectory(
-        1e-7,
-        1e4,
-        1e-9,
-        1e-4 * np.arange(frames),
-        positions,
-        np.full((frames, 2, 2), np.nan),
-        np.array([0, 1]),
-    )
-
-
-def make_run(path: Path) -> None:
-    run(synthetic.scene(), path, events=2, encounter=synthetic.always_miss, overwrite=True)
-
-
-def make_table(path: Path) -> None:
-    _table().save(path)
-
-
-@cache
-def _table() -> KernelTable:
-    whole = KernelTable.load(TABLE_OF_BEFORE)
-    return whole.with_records(whole.records.select(np.arange(100)))
-
-
-@cache
-def _small_run() -> Path:
-    path = Path(tempfile.mkdtemp(prefix="files")) / "run.nc"
-    make_run(path)
-    return path
 
 
 def figure() -> matplotlib.figure.Figure:
@@ -95,7 +53,7 @@ PAGE = f'<!doctype html>\n<html><head><meta name="generator" content="{FILES.sig
 # name, ending, what writes it to a path (over what it wrote before)
 WRITERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "run": (".nc", make_run),
-    "compress": (".nc", lambda path: compress(_small_run(), path)),
+    "compress": (".nc", lambda path: compress(small_run(), path)),
     "kernels": (".nc", make_table),
     "numbers": (".nc", lambda path: FILES.write_numbers(path, NUMBERS)),
     "numbers of pbekit": (".nc", lambda path: PBE_FILES.write_numbers(path, NUMBERS)),
@@ -111,11 +69,6 @@ WRITERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "table of sensitivity": (".csv", lambda path: write_differences([], path)),
     "table of cost": (".csv", lambda path: write_prices([], path)),
 }
-
-
-def names(folder: Path) -> list[str]:
-    """What a folder holds."""
-    return sorted(file.name for file in folder.iterdir())
 
 
 def refused(write: Callable[[Path], object], path: Path) -> str:
@@ -314,13 +267,7 @@ def short_of_space(program: str, *arguments: object, cwd: Path) -> subprocess.Co
 
 @pytest.fixture(scope="module")
 def given(tmp_path_factory) -> Path:
-    """What the commands are given."""
-    folder = tmp_path_factory.mktemp("given")
-    shutil.copy(RUN_OF_BEFORE, folder / "run.nc")
-    shutil.copy(TABLE_OF_BEFORE, folder / "kernels.nc")
-    export(course(), folder / "course.nc")
-    shutil.copy(ROOT / "scenes/quickstart.toml", folder / "quickstart.toml")
-    return folder
+    return given_to_commands(tmp_path_factory.mktemp("given"))
 
 
 WRITING = {
@@ -449,133 +396,6 @@ def test_two_names_of_a_file_are_one_file(tmp_path):
     assert names(tmp_path / "far") == []
     make_run(link)
     assert xr.open_dataset(path).sizes["row"] == 3
-
-
-# -- readers --------------------------------------------------------------------------------------------------------
-
-
-READING = {
-    "plot": ("mcdem", "plot {damaged} -o out.png"),
-    "figures": ("mcdem", "figures {damaged} -o out"),
-    "report": ("mcdem", "report {damaged} -o out.html"),
-    "compress": ("mcdem", "compress {damaged} -o out.nc"),
-    "view": ("mcdem", "view {damaged} -o out.html"),
-    "run": ("mcdem", "run {given}/quickstart.toml -o {damaged} --resume --events 1 --workers 1"),
-    "kernels": ("mcdem", "kernels {given}/quickstart.toml --from {damaged} -o out.nc --workers 1"),
-    "cost": ("mcdem", "cost {given}/quickstart.toml --from {damaged} -o out.png --workers 1"),
-    "sensitivity": (
-        "mcdem",
-        "sensitivity {given}/quickstart.toml --set flow.shear_stress=5Pa --from {damaged} -o out.png --workers 1",
-    ),
-    "solve": ("pbekit", "solve {damaged} -o out.nc"),
-    "compare": ("pbekit", "compare {damaged} -o out"),
-    "compare with a run": ("pbekit", "compare {given}/kernels.nc --run {damaged} -o out"),
-    "stresses": ("pbekit", "stresses {damaged} {damaged} -o out"),
-    "show": ("pbekit", "show {damaged}"),
-}
-
-
-@pytest.mark.parametrize("name", READING)
-def test_a_command_reports_damage_in_a_line(given, tmp_path, monkeypatch, name):
-    """A zeroed block, flipped bits and a lost end, in datasets with a checksum and without."""
-    monkeypatch.chdir(tmp_path)
-    program, words = READING[name]
-    table = program == "pbekit" and name != "compare with a run"
-    old = (TABLE_OF_BEFORE if table else RUN_OF_BEFORE).read_bytes()
-    make = tmp_path / "sound.nc"
-    (make_table if table else make_run)(make)
-    new = make.read_bytes()
-    make.unlink()
-    damaged = tmp_path / "damaged.nc"
-    app = {"mcdem": mcdem_cli.app, "pbekit": pbekit_cli.app}[program]
-    for whole, sealed in ((new, True), (old, False)):
-        half = len(whole) // 2
-        contents = {
-            "zeroed": whole[: half // 4] + bytes(len(whole) - half) + whole[half // 4 + len(whole) - half :],
-            "no end": whole[:half],
-            "no header": bytes(2000) + whole[2000:],
-            "text": b"dear diary",
-        }
-        if sealed:
-            contents["a bit"] = whole[: half // 2] + bytes([whole[half // 2] ^ 4]) + whole[half // 2 + 1 :]
-            contents["no checksum"] = whole[: whole.rindex(SEAL)]
-        for what, content in contents.items():
-            damaged.write_bytes(content)
-            done = CliRunner().invoke(app, words.format(given=given, damaged=damaged).split())
-            assert done.exit_code == 2, (what, sealed, done.output, done.exception)
-            said = [line for line in done.output.splitlines() if line.startswith("error: ")]
-            assert len(said) == 1 and said[0].startswith(f"error: {damaged}: "), (what, sealed, done.output)
-            assert damaged.read_bytes() == content
-    assert [file for file in tmp_path.rglob("*") if file.is_file()] == [damaged]
-
-
-def test_a_flipped_seed_does_not_go_on_as_another_process(tmp_path):
-    path = tmp_path / "run.nc"
-    make_run(path)
-    with opened(path) as (file,):
-        seed = int(file.seed)
-    content = bytearray(path.read_bytes())
-    changed = 0
-    for place in range(len(content)):
-        if content[place : place + 8] == seed.to_bytes(8, "little"):
-            content[place] ^= 1
-            changed += 1
-    assert changed
-    path.write_bytes(content)
-    with pytest.raises(DataFileError, match=r"run\.nc: .*damaged"):
-        run(synthetic.scene(), path, events=9, resume=True, encounter=synthetic.always_miss)
-    assert path.read_bytes() == content
-
-
-def test_a_trajectory_is_whole_or_refused(tmp_path):
-    path = tmp_path / "course.nc"
-    export(course(), path)
-    whole = path.read_bytes()
-    np.testing.assert_allclose(read(path).positions, course().positions, rtol=1e-12)
-    for place in range(0, len(whole), 41):
-        path.write_bytes(whole[:place] + bytes([whole[place] ^ 16]) + whole[place + 1 :])
-        with pytest.raises(DataFileError, match=r"course\.nc: "):
-            read(path)
-    # an earlier one: its end, without the line and the word of it
-    path.write_bytes(whole[: whole.rindex(SEAL)].replace(files.SEALED.encode(), b"x" * len(files.SEALED)))
-    np.testing.assert_allclose(read(path).time, course().time, rtol=1e-12)
-
-
-def test_pipes_are_not_waited_for(tmp_path):
-    os.mkfifo(tmp_path / "pipe.nc")
-    for reading in (read, KernelTable.load, lambda path: compress(path, tmp_path / "out.nc")):
-        with pytest.raises((DataFileError, PBEError), match="a named pipe"):
-            reading(tmp_path / "pipe.nc")
-
-
-def test_a_damaged_member_of_a_sweep_fails_by_name_and_the_others_run(tmp_path):
-    settings = {"population.initial": ["20", "30", "40"]}
-
-    def go_on(events: int):
-        from mcdem.monte_carlo.executors import Here
-
-        return sweep(
-            synthetic.scene(),
-            tmp_path,
-            settings,
-            events=events,
-            executor=Here(),
-            encounter=synthetic.always_miss,
-        )
-
-    assert {m.state for m in go_on(3)} == {"done"}
-    damaged = tmp_path / "initial=30.1.nc"
-    content = bytearray(damaged.read_bytes())
-    content[2000:6000] = bytes(4000)
-    damaged.write_bytes(content)
-    found = go_on(5)
-    assert [m.state for m in found] == ["done", "failed", "done"]
-    assert found[1].why.startswith(f"{damaged}: ") and "damaged" in found[1].why
-    assert [m.events for m in found] == [5, 0, 5]
-    assert damaged.read_bytes() == content
-    with (tmp_path / "index.csv").open(newline="") as file:
-        row = list(csv.DictReader(file))[1]
-    assert row["state"] == "failed" and row["why"] == found[1].why
 
 
 def test_an_index_of_somebody_else_is_kept(tmp_path):

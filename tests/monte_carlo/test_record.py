@@ -22,8 +22,8 @@ from mcdem.monte_carlo.comparison import differences, identical
 from mcdem.monte_carlo.record import TIMING
 from mcdem.monte_carlo.run_control import run
 from mcdem.netcdf.whole_files import FILES
+from pbekit.checksum import seal
 from pbekit.errors import PBEError
-from pbekit.files import seal
 from pbekit.study.monte_carlo import MonteCarlo
 
 
@@ -241,7 +241,7 @@ sys.path[:0] = {paths!r}
 import synthetic
 from mcdem.monte_carlo.run_control import run
 from pbekit.errors import PBEError
-from pbekit.files import seal
+from pbekit.checksum import seal
 from pbekit.study.monte_carlo import MonteCarlo
 from mcdem.errors import UserError
 
