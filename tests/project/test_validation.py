@@ -364,7 +364,7 @@ def test_a_saved_table_of_costs_is_read_as_written(tmp_path):
     (row,) = datasets.prices(tmp_path / "cost.csv")
     assert (row["setting"], row["cpu_time_s"], row["error_eta_11"]) == ("as given", 0.25, 0.0)
     assert (row["error_geometry"], row["standard_error_geometry"]) == (3.0, 3 / 8)
-    # Earlier tables call what is varied a knob.
+    # Earlier tables call the column `knob`.
     old = (tmp_path / "cost.csv").read_text().replace(",varied,", ",knob,")
     (tmp_path / "old.csv").write_text(old)
     assert datasets.prices(tmp_path / "old.csv") == [row] and row["varied"] == "as given"
