@@ -359,7 +359,9 @@ def test_a_saved_table_of_costs_is_read_as_written(tmp_path):
     from mcdem.analysis.paired_encounters import Setting
     from validation import datasets
 
-    price = Price(Setting("as given", "as given"), np.arange(4.0), np.arange(4.0) / 8, 0.25, 30.0, 0.5)
+    price = Price(
+        Setting("as given", "as given"), np.arange(4.0), np.arange(4.0) / 8, 0.25, 30.0, 0.5, time_error=0.1
+    )
     write_prices([price], tmp_path / "cost.csv")
     (row,) = datasets.prices(tmp_path / "cost.csv")
     assert (row["setting"], row["cpu_time_s"], row["error_eta_11"]) == ("as given", 0.25, 0.0)
