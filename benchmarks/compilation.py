@@ -54,7 +54,7 @@ def follow(scene_file: str) -> None:
     times = CompileTimes()
     register("numba:compile", times)
     import mcdem
-    from mcdem.analysis.accuracy_cost import warm_up
+    from mcdem.analysis.paired_encounters import warm_up
 
     scene = mcdem.load_scene(scene_file)
     primary = mcdem.Aggregate.monomer(scene.suspension.radius)

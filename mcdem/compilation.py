@@ -103,7 +103,7 @@ def _callable_from_python(function: Callable[..., Any], kernel: Any) -> Any:
 def _passing_on(call: Callable[..., Any]) -> Callable[..., Any]:
     """A compiled function that does nothing but pass on what Python gives it."""
 
-    def entered(*args):  # type: ignore[no-untyped-def]
+    def entered(*args: Any) -> Any:
         return call(*args)
 
     entered.__name__ = entered.__qualname__ = f"{call.__name__}_from_python"

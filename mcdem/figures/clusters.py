@@ -168,7 +168,7 @@ def draw_table_2(numbers: xr.Dataset) -> Canvas:
             axes.text(first + k, 0.35, head, ha="right", fontsize=7)
     half = float(numbers["outer_radius"].max())
 
-    def told(first: float, row: int, values: Sequence[float]) -> None:
+    def row_of(first: float, row: int, values: Sequence[float]) -> None:
         for k, value in enumerate(values):
             text = f"{value:.0f}" if k == 0 else f"{value:.2f}"
             axes.text(first + k, -row - 0.5, text, ha="right", va="center", fontsize=7)
@@ -178,9 +178,9 @@ def draw_table_2(numbers: xr.Dataset) -> Canvas:
         inset.imshow(_picture(positions, half, 320))
         inset.set_axis_off()
         one = numbers.isel(aggregate=row)
-        told(2.5, row, [float(one[name]) for name in COLUMNS[:5]])
+        row_of(2.5, row, [float(one[name]) for name in COLUMNS[:5]])
         if numbers.attrs["paper"] and row < len(paper.TABLE_2):
-            told(8.4, row, paper.TABLE_2[row].tolist())
+            row_of(8.4, row, paper.TABLE_2[row].tolist())
     axes.axhline(0.15, color=BLACK, lw=0.6)
     headline(axes, "even over the upper half of the sizes of $P > 3$")
     return figure

@@ -184,19 +184,21 @@ def require_writer(path: Path) -> None:
             ) from None
 
 
-Told = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 
 
-def _told(pictures: Iterator[NDArray[np.uint8]], count: int, progress: Told) -> Iterator[NDArray[np.uint8]]:
+def _counted(
+    pictures: Iterator[NDArray[np.uint8]], count: int, progress: Progress
+) -> Iterator[NDArray[np.uint8]]:
     for number, picture in enumerate(pictures, start=1):
         progress(f"{number} of {count} pictures", number / count)
         yield picture
 
 
-def _write_mp4(course: Trajectory, path: Path, width: int, progress: Told) -> None:
+def _write_mp4(course: Trajectory, path: Path, width: int, progress: Progress) -> None:
     import imageio_ffmpeg
 
-    pictures = _told(frames(course, width - width % 2), course.frames, progress)
+    pictures = _counted(frames(course, width - width % 2), course.frames, progress)
     first = next(pictures)
     height = first.shape[0] - first.shape[0] % 2
     writer = imageio_ffmpeg.write_frames(
@@ -235,12 +237,14 @@ def _is_whole(path: Path) -> bool:
     return place == len(content) and b"moov" in names
 
 
-def _write_gif(course: Trajectory, path: Path, width: int, progress: Told) -> None:
+def _write_gif(course: Trajectory, path: Path, width: int, progress: Progress) -> None:
     from PIL import Image
 
     every = max(1, round(course.frames / 110))  # a page loads so many small pictures without a wait
     course = course.part(0, course.frames, every)
-    images = [Image.fromarray(picture) for picture in _told(frames(course, width), course.frames, progress)]
+    images = [
+        Image.fromarray(picture) for picture in _counted(frames(course, width), course.frames, progress)
+    ]
     # One palette for all, or the background would flicker.
     palette = images[len(images) // 2].quantize(colors=64, method=Image.Quantize.MEDIANCUT)
     small = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]

@@ -210,7 +210,7 @@ def test_a_kind_of_machine_names_what_rounds():
     assert Machines.read(None, 12).computed(told) == ""  # nothing is known, nothing is said
 
 
-# Work done in vain
+# Discarded work
 
 
 def test_discarded_encounters_are_counted(tmp_path):

@@ -37,7 +37,10 @@ def reaches(source: Path, package: str) -> bool:
 
 
 def holds_kernels(source: Path) -> bool:
-    return bool({"numba.njit", "mcdem.compilation.compiled", "mcdem.compilation.separately_compiled"} & imported(source))
+    return bool(
+        {"numba.njit", "mcdem.compilation.compiled", "mcdem.compilation.separately_compiled"}
+        & imported(source)
+    )
 
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda source: str(source.relative_to(ROOT)))

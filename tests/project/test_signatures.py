@@ -28,7 +28,7 @@ def test_no_function_has_more_than_eight_positional_parameters():
     assert many == EXCEPTIONS, many ^ EXCEPTIONS
 
 
-COMPILED = {"njit", "overload", "intrinsic"}
+COMPILED = {"njit", "overload", "intrinsic", "compiled", "separately_compiled"}
 
 
 def untyped(source):

@@ -387,7 +387,7 @@ def test_the_peers_numbers_are_of_the_spheres_that_are_compared():
 
 
 def committed(case):
-    """Numbers of before that a case reads; what was read off a publication is its source, not its measurement."""
+    """Earlier numbers that a case reads; what was read off a publication is its source, not its measurement."""
     folders = ("validation/data", "notebooks/data")
     published = {"durlofsky_1987_fig5.csv", "measured.csv", "pecnut.json"}
     paths = {path for quick in (True, False) for path in case.inputs(case.context(quick))}

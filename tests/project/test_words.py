@@ -157,8 +157,6 @@ IDENTIFIERS = {
     "march": "time loop",
 }
 """Words of which no function, class, module or argument is named, and the field's or plain ones."""
-NOT_YET = ("mcdem/figures/",)
-"""Folders whose names are still to be changed."""
 
 
 def identifiers(text: str) -> Iterator[str]:
@@ -187,7 +185,7 @@ def test_nothing_is_named_by_a_private_word():
         for path in files()
         if path.suffix in (".py", ".pyi")
         for name in [path.stem, *identifiers(path.read_text(encoding="utf-8"))]
-        if old_parts(name) and not str(path.relative_to(ROOT)).startswith(NOT_YET)
+        if old_parts(name)
     }
     assert not found
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mcdem.analysis.accuracy_cost import GIVEN, REFERENCE, efficiency, settings_of
+from mcdem.analysis.accuracy_cost import settings_of
+from mcdem.analysis.paired_encounters import GIVEN, REFERENCE, efficiency
 from mcdem.figures.style import BLACK, BLUE, GREY, VERMILION, canvas, legend
 from mcdem.scene import load_scene
 from validation import datasets
