@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,6 +26,14 @@ from mcdem.figures.style import (
     plain_ticks,
     plural,
 )
+
+
+def percent(value: float, low: float, high: float) -> str:
+    """A share in per cent with its limits, to the digits that these call for; where none was seen, what it is below."""
+    if value == 0.0:
+        return f"none seen, below {high:.1g} %"
+    digits = max(0, -math.floor(math.log10(max(high - low, 1e-3) / 2.0)))
+    return f"{value:.{digits}f} % [{low:.{digits}f}, {high:.{digits}f}]"
 
 
 def critical_size(runs: Sequence[RunDataset]) -> Figure:
@@ -221,15 +230,11 @@ def draw_largest_fragment(numbers: xr.Dataset) -> Canvas:
         if not total:
             axes.plot([], [], " ", label=f"{words}: none")
             continue
-        told = [
-            100 * float(one[f"{name}_share{limit}"])
+        middle, eroded = (
+            percent(*(100 * float(one[f"{name}_share{limit}"]) for limit in ("", "_low", "_high")))
             for name in ("fragmentation", "erosion")
-            for limit in ("", "_low", "_high")
-        ]
-        label = (
-            f"{words}: {plural(total, 'breakup')}\n"
-            "{:.0f} % [{:.0f}, {:.0f}] at 0.45 to 0.75, erosion {:.1f} % [{:.1f}, {:.1f}]".format(*told)
         )
+        label = f"{words}: {plural(total, 'breakup')}\n{middle} at 0.45 to 0.75, erosion {eroded}"
         value, low, high = shares(count, total)
         axes.stairs(value, edges, color=tint, lw=1.1, label=label)
         seen = count > 0
