@@ -11,6 +11,7 @@ import scipy
 
 from mcdem.arguments import scene_at_door
 from mcdem.errors import UserError
+from mcdem.integrators.bodies import label_bodies
 from mcdem.quantities.units import LENGTH, si
 
 if TYPE_CHECKING:
@@ -254,6 +255,6 @@ def overlap_limit(scene: Scene) -> float:
 
 def split(bonded: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
     """Members of the connected components of the contact network, each sorted, in the order of their first member."""
-    count, labels = scipy.sparse.csgraph.connected_components(scipy.sparse.coo_array(bonded), directed=False)
-    parts = [np.flatnonzero(labels == part) for part in range(count)]
-    return sorted(parts, key=lambda members: int(members[0]))
+    labels = np.empty(len(bonded), np.int64)
+    count = label_bodies(np.ascontiguousarray(bonded), labels)
+    return [np.flatnonzero(labels == part) for part in range(count)]

@@ -28,7 +28,7 @@ from mcdem.effects.sums import non_contact_force
 from mcdem.encounter import frames as recording
 from mcdem.encounter.frames import Frames
 from mcdem.hydrodynamics.resistance import workspace
-from mcdem.hydrodynamics.undisturbed_flow import UndisturbedFlow, spin_component
+from mcdem.hydrodynamics.undisturbed_flow import UndisturbedFlow
 from mcdem.integrators.bodies import centre_and_reach, label_bodies
 from mcdem.integrators.pairs import find_gaps
 from mcdem.integrators.parting import label_groups
@@ -51,11 +51,12 @@ from mcdem.rigid_aggregates.statics import RIGID, RigidBody, analyse, turn_rigid
 from mcdem.rigid_aggregates.statics_with_torques import analyse_with_torques
 
 RIGID_STEP = 0.1
-"""Step of rigid bodies in 1/g; their motion is smooth, and second order in it."""
+"""Step of rigid bodies in 1/g; their motion is smooth, and second order in it: critical offsets of two primaries at 1000 Pa are
+within 6e-5 a of those at a quarter of it."""
 LONGEST_PIECE = 0.5
 """About how long compiled code goes on by itself [s]."""
 WEAK = 0.01
-"""Direct force [6 pi mu a^2 g] between two primaries that hardly moves them."""
+"""Direct force [6 pi mu a^2 g] between two primaries that hardly moves them: by a hundredth of a radius in a strain of one."""
 
 
 class Shortcuts(NamedTuple):
@@ -254,8 +255,10 @@ def place(
         part.springs[..., :3], part.springs[..., 3:6] = springs[..., :3] @ turn.T, springs[..., 3:6] @ turn.T
     about = body.positions @ turn.T
     part.positions[:] = centre + about
-    spin = np.array([spin_component(gradient, k) for k in range(3)])
-    part.velocities[:] = np.cross(spin, about) + gradient @ centre
+    # omega x r, written out: np.cross takes ten times as long for few primaries.
+    a, b, c = (0.5 * (gradient[k - 1, k - 2] - gradient[k - 2, k - 1]) for k in range(3))
+    x, y, z = about.T
+    part.velocities[:] = np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1) + gradient @ centre
 
 
 def turn_as_body(
