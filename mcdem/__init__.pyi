@@ -11,6 +11,7 @@ from .errors import SceneError as SceneError
 from .errors import UserError as UserError
 from .free_spheres import Velocities as Velocities
 from .free_spheres import velocities as velocities
+from .kernel_tables import into_atlas as into_atlas
 from .kernel_tables import steady_shares as steady_shares
 from .kernel_tables import tabulate as tabulate
 from .kernel_tables import with_runs as with_runs

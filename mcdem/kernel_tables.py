@@ -46,6 +46,7 @@ from pbekit.outputs import TABLE
 from pbekit.solution.steady import NotReachedError, steady_state
 from pbekit.study.evidence import Evidence, counted, judged
 from pbekit.study.uncertainty import VarianceShares, mean_size_gradient, variance_shares
+from pbekit.tables.atlas import Atlas, Part
 from pbekit.tables.kernel_table import OUTCOMES, SHAPES, SOURCES, KernelTable, Records
 
 ROUND = 200
@@ -130,6 +131,51 @@ def with_runs(designed: KernelTable, runs: Sequence[RunDataset]) -> KernelTable:
 def only_designed(table: KernelTable) -> KernelTable:
     """The designed encounters of a table, in its classes; `with_runs` gives it back."""
     return table.with_records(table.records.select(table.records.source == SOURCES.index("designed")))
+
+
+def into_atlas(scene: Scene, runs: Sequence[Path | str], path: Path | str) -> Atlas:
+    """Add the encounters of runs of a scene to an atlas, each run as a part of its own; made if it is not there.
+
+    Parameters
+    ----------
+    scene : that the runs are of
+    runs : datasets of `mcdem run`
+    path : the atlas (.nc)
+
+    Raises
+    ------
+    UserError : of runs of another scene
+    DataFileError : of an atlas of other groups than the scene's, or one that holds a run already
+    """
+    path = Path(path)
+    if path.suffix != ".nc":
+        raise UserError(f"{path}: expected a name that ends in .nc, the atlas that is written is NetCDF")
+    scene.require_one_radius("an atlas counts equal primaries")
+    with FILES.locked(path):
+        try:
+            atlas = Atlas.load(path) if path.exists() else Atlas(())
+            for place in runs:
+                run = RunDataset(place)
+                differs = same_physics(scene, run.scene)
+                if differs:
+                    raise UserError(f"{place}: was run with another [{differs}] than {scene.name}")
+                about = {
+                    "scene": run.scene.text,
+                    "scene_name": scene.name,
+                    "runs": Path(place).name,
+                    "seed": str(run.attributes.get("seed", "")),
+                    "command": shlex.join(["mcdem", *sys.argv[1:]]),
+                    **_groups(scene),
+                }
+                flow = scene.flow
+                table = KernelTable.of(
+                    records_of_run(run), scene.suspension.radius, flow.shear_rate, shapes=1, about=about
+                )
+                atlas = atlas.merged(Part.of(table))
+            atlas.save(path)
+        except PBEError as problem:
+            raise DataFileError(str(problem)) from None
+    return atlas
 
 
 # -- aggregates to draw from ------------------------------------------------------------------------------------------

@@ -23,5 +23,6 @@ from .study.over_stresses import stress_law as stress_law
 from .study.size_rates import size_rates as size_rates
 from .study.solve_table import open_table as open_table
 from .study.solve_table import solve_table as solve_table
+from .tables.atlas import Atlas as Atlas
 from .tables.kernel_table import KernelTable as KernelTable
 from .tables.similarity import Conditions as Conditions

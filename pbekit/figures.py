@@ -40,7 +40,7 @@ TABULATED, MONTE_CARLO, ANALYTICAL, SINGLE_RUNS = (
 )
 
 
-def _panels(rows: int = 1, columns: int = 1, *, figsize: tuple[float, float], **options: Any) -> Any:
+def blank_figure(rows: int = 1, columns: int = 1, *, figsize: tuple[float, float], **options: Any) -> Any:
     """A figure that no window shows, and its axes."""
     figure = Figure(figsize=figsize)
     FigureCanvasAgg(figure)
@@ -84,7 +84,7 @@ def draw_course(found: Comparison, path: Path) -> Path:
         ("sauter_diameter", r"Sauter diameter $d_{32}$ [µm]", 1e6),
     )
     with mpl.rc_context(STYLE):
-        figure, axes = _panels(1, 3, figsize=(8.4, 2.9))
+        figure, axes = blank_figure(1, 3, figsize=(8.4, 2.9))
         for ax, (key, label, unit) in zip(axes, rows, strict=True):
             time = course.time.values
             if f"{key}_monte_carlo" in course:
@@ -112,7 +112,7 @@ def draw_distribution(found: Comparison, path: Path) -> Path:
     if not panels:
         panels = ["late_density"]
     with mpl.rc_context(STYLE):
-        figure, axes = _panels(1, len(panels), figsize=(4.2 * len(panels), 3.6), squeeze=False)
+        figure, axes = blank_figure(1, len(panels), figsize=(4.2 * len(panels), 3.6), squeeze=False)
         for ax, key in zip(axes[0], panels, strict=True):
             _distribution(ax, data, key)
             last = "last 40 %" if late is None else f"from {late:.4g} s to the run's end"
@@ -170,7 +170,7 @@ def draw_ablation(found: Comparison, path: Path) -> Path:
     """<P> at the run's end and at steady state with one assumption changed in each line, beside the Monte Carlo."""
     data, numbers, panels = found.ablation, found.numbers, _ablation_panels(found)
     with mpl.rc_context(STYLE):
-        figure, axes = _panels(
+        figure, axes = blank_figure(
             1, len(panels), figsize=(3.0 + 2.7 * len(panels), 3.6), sharey=True, squeeze=False
         )
         y = np.arange(data.sizes["assumption"])[::-1]
@@ -196,7 +196,7 @@ def draw_ablation(found: Comparison, path: Path) -> Path:
 def draw_volume_fractions(data: xr.Dataset, path: Path) -> Path:
     """Steady <P> against volume fraction."""
     with mpl.rc_context(STYLE):
-        figure, ax = _panels(figsize=(4.2, 3.0))
+        figure, ax = blank_figure(figsize=(4.2, 3.0))
         ax.plot(
             data.volume_fraction,
             data.tabulated,
@@ -239,7 +239,7 @@ def _ticks_at(ax: Axes, values: np.ndarray) -> None:
 def draw_efficiencies(data: xr.Dataset, path: Path) -> Path:
     """eta_11 as counted, beside van de Ven & Mason's law."""
     with mpl.rc_context(STYLE):
-        figure, ax = _panels(figsize=(4.2, 3.0))
+        figure, ax = blank_figure(figsize=(4.2, 3.0))
         errors = np.maximum(np.stack([data.eta_11 - data.eta_11_low, data.eta_11_high - data.eta_11]), 0)
         ax.errorbar(
             data.stress, data.eta_11, yerr=errors, fmt="o", ms=4, color=BLUE, label="counted, 90 % interval"
@@ -264,7 +264,7 @@ def draw_stress_law(data: xr.Dataset, runs: dict[float, tuple[float, float]], pa
     """
     guessed = data.extrapolated.values > GUESSED
     with mpl.rc_context(STYLE):
-        figure, (left, right) = _panels(1, 2, figsize=(8.4, 4.4))
+        figure, (left, right) = blank_figure(1, 2, figsize=(8.4, 4.4))
         for ax, key, colour, marker, label, unit in (
             (left, "mean_size", BLUE, "o", r"steady $\langle P\rangle$", 1.0),
             (left, "breakup_size", GREEN, "^", "breakup size $P_{br}$", 1.0),
@@ -381,7 +381,7 @@ def draw_table(table: KernelTable, path: Path) -> Path:
     middle = np.sqrt(edges[1:] * edges[:-1])
     few = np.nonzero((trials > 0) & (trials < FEW_TRIALS))
     with mpl.rc_context(STYLE):
-        figure, axes = _panels(1, 3, figsize=(9.0, 3.9))
+        figure, axes = blank_figure(1, 3, figsize=(9.0, 3.9))
         for ax, (key, label) in zip(axes, panels, strict=True):
             values = np.where(trials > 0, data[key], np.nan)
             top = float(np.nanmax(values, initial=0.0)) or 1.0

@@ -13,6 +13,7 @@ FILES = Files("pbekit", PBEError)
 TABLE = Kind(
     "kernel table", (HDF5,), (b"Outcomes of encounters of colloidal aggregates, by class",), sealed=True
 )
+ATLAS = Kind("atlas of encounters", (HDF5,), (b"Atlas of encounters of colloidal aggregates",), sealed=True)
 SOLUTION = Kind(
     "solution of `pbekit solve`",
     (HDF5,),

@@ -27,6 +27,14 @@ def kernels(
         Path | None,
         typer.Option("--output", "-o", metavar="KERNELS", help="Table to write; default: SCENE.kernels.nc."),
     ] = None,
+    into: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="ATLAS",
+            help="Instead of a table, add the runs' encounters to this atlas of counts over cohesion number and sizes, "
+            "if its groups are the scene's; made if it is not there.",
+        ),
+    ] = None,
     encounters: Annotated[
         int,
         typer.Option(
@@ -68,12 +76,21 @@ def kernels(
 
     A run's events are re-used; designed encounters go where they reduce the error of the balance's steady mean size most.
     """
-    from mcdem.kernel_tables import refuse_unwritable, tabulate
+    from mcdem.errors import UserError
+    from mcdem.kernel_tables import into_atlas, refuse_unwritable, tabulate
     from mcdem.monte_carlo import executors, run_control
     from mcdem.scene import load_scene
     from pbekit.progress import ProgressBar
 
     loaded = load_scene(scene)
+    if into is not None:
+        if output is not None or not runs:
+            raise UserError("--into takes runs (--from RUN) and writes the atlas alone: leave out --output")
+        for part in into_atlas(loaded, runs, into).parts:
+            typer.echo(
+                f"{into}: N = {part.cohesion:.4g}, {part.encounters} encounters of {part.origin.get('runs', '?')}"
+            )
+        return
     file = output or Path(f"{loaded.name}.kernels.nc")
     refuse_unwritable(file, resume=resume, overwrite=overwrite)
     with executors.opened(executor, workers, scheduler) as crew:

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Makes the data of the notebooks: runs of the paper's suspension, compressed, and what is derived from them.
 #
-#     bash notebooks/data/make.sh WORK [STEP...]        steps: runs changed tables sensitivity paper_scheme; all by default
+#     bash notebooks/data/make.sh WORK [STEP...]        steps: runs changed tables atlas sensitivity paper_scheme; all by default
 #
 # Whole runs and tables go to the folder WORK and are continued from there, so it may be stopped at any time and called again;
 # results go to WORK/data. Two runs at a time need about four hours in all; JOBS=8 makes it eight at a time.
@@ -10,7 +10,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 scenes=$(cd "$here/../../scenes" && pwd)
 work=${1:?where the whole runs go}
 shift
-all='runs changed tables sensitivity paper_scheme'
+all='runs changed tables atlas sensitivity paper_scheme'
 steps=${*:-$all}
 for step in $steps; do
     [[ " $all " == *" $step "* ]] || { echo "no step $step; expected some of: $all" >&2; exit 2; }
@@ -74,6 +74,15 @@ import sys
 from mcdem.kernel_tables import only_designed
 from pbekit.tables.kernel_table import KernelTable
 only_designed(KernelTable.load(sys.argv[1])).save(sys.argv[2])' "../kernels-${stress}Pa.nc" "designed-${stress}Pa.nc"
+    done
+fi
+
+if [[ $steps == *atlas* ]]; then
+    # pbekit/tables/atlas.nc: counts of every run, over cohesion number and sizes
+    rm -f ../atlas.nc
+    for run in run-*.nc; do
+        stress=${run#run-} stress=${stress%%Pa*}
+        mcdem kernels "$scenes/paper-${stress}Pa.toml" --from "$run" --into ../atlas.nc
     done
 fi
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pbekit.errors import PBEError
 from pbekit.program import Program, program
 
-COMMANDS = ("solve", "compare", "stresses", "show", "export")
+COMMANDS = ("solve", "compare", "stresses", "show", "export", "efficiency")
 """Files beside this one, each with the function of its name."""
 
 

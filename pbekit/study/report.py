@@ -59,7 +59,7 @@ def solution_report(data: xr.Dataset) -> list[str]:
             f"(more than {100 * MOST_EXTRAPOLATED:.2g} %) meets in classes that nobody sampled: the course is a guess there"
         )
     if "assumed" in about:
-        lines += [f"assumed: {line}" for line in str(about["assumed"]).split("; ")]
+        lines += [f"assumed: {line}" for line in str(about["assumed"]).splitlines()]
     if "no_band" in about:
         lines.append(f"no band: {about['no_band']}")
     return lines

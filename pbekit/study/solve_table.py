@@ -167,7 +167,7 @@ def solve_table(
         "breakups": evidence.breakups,
     }
     if assumed:
-        data.attrs["assumed"] = "; ".join(assumed)
+        data.attrs["assumed"] = "\n".join(assumed)
     if stress is None:
         data.attrs["scene"] = str(first.about.get("scene", ""))
     else:

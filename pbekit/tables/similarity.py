@@ -196,21 +196,25 @@ def _assumed(table: KernelTable, conditions: Conditions, cohesion: float) -> lis
         return lines
     before, after = groups_of(table), groups_at(table, conditions)
     slopes = json.loads(str(table.about.get("sensitivities", "{}")))
+    unknown: list[str] = []
+    seen: set[tuple[float, float]] = {before[COHESION][1:]} if COHESION in before else set()
     for name, group in before.items():
-        if group.value == 0 or abs(after[name].value / group.value - 1) <= SAME:
+        factor = after[name].value / group.value if group.value else 1.0
+        # What goes with N, or with a group that was named, says nothing new.
+        inverse = (-group.radius, -group.stress)
+        if abs(factor - 1) <= SAME or {group[1:], inverse} & seen:
             continue
-        # Of a contact law, what follows from the pull-off force alone goes with N.
-        if name == COHESION or name.endswith(".pull_off_force"):
-            continue
+        seen.add(group[1:])
         line = f"{name} would be {after[name].value:.4g}, the table has {group.value:.4g} and is used with it"
         known = slopes.get(name)
         if known:
-            factor = after[name].value / group.value
             line += ": " + ", ".join(
                 f"{quantity} goes with its power {power:.2g}, so by a factor of {factor**power:.2g}"
                 for quantity, power in known.items()
             )
         else:
-            line += "; how much that matters was not measured (mcdem sensitivity)"
+            unknown.append(name)
         lines.append(line)
+    if unknown:
+        lines.append(f"how much they matter was not measured (mcdem sensitivity): {', '.join(unknown)}")
     return lines

@@ -11,11 +11,13 @@ import synthetic
 from typer.testing import CliRunner
 
 from mcdem.analysis.dataset import RunDataset
+from mcdem.analysis.similarity import groups
 from mcdem.commands.main import app
 from mcdem.errors import DataFileError, UserError
 from mcdem.kernel_tables import (
     ROUND,
     Library,
+    into_atlas,
     only_designed,
     plan,
     records_of_run,
@@ -26,7 +28,9 @@ from mcdem.kernel_tables import (
 from mcdem.monte_carlo import executors
 from mcdem.monte_carlo.run_control import run
 from pbekit.errors import PBEError
+from pbekit.tables.atlas import Atlas
 from pbekit.tables.kernel_table import OUTCOMES, KernelTable, Records
+from pbekit.tables.similarity import groups_of
 
 ENCOUNTER = synthetic.aggregation_and_breakup
 
@@ -194,3 +198,40 @@ def test_the_command_says_what_it_made(scene, dataset, tmp_path, monkeypatch):
     assert "600 encounters from runs, 0 designed" in done.output
     again = CliRunner().invoke(app, ["kernels", "scene.toml", "--from", str(dataset), "-o", "k.nc"])
     assert again.exit_code == 2 and "exists already" in again.output
+
+
+def test_runs_go_into_an_atlas_each_once_and_of_equal_groups(scene, tmp_path):
+    path, dataset = tmp_path / "atlas.nc", tmp_path / "run.nc"
+    contact = {"surface_energy": "4.7e-3 J/m^2", "elastic_modulus": "3.4 GPa", "poisson_ratio": 0.5}
+    scene = scene.with_changes({"effects.jkr": contact})
+    run(scene, dataset, events=100, seed=5, encounter=ENCOUNTER)
+    (part,) = into_atlas(scene, [dataset], path).parts
+    assert part.encounters == 100 and part.origin["runs"] == "run.nc"
+    assert part.cohesion == pytest.approx(groups(scene)["cohesion_number"].value)
+    with pytest.raises(DataFileError, match="already"):
+        into_atlas(scene, [dataset], path)
+    other = scene.with_changes({"suspension.radius": "400 nm"})
+    with pytest.raises(UserError, match="another"):
+        into_atlas(other, [dataset], tmp_path / "other.nc")
+    run(other, tmp_path / "smaller.nc", events=20, seed=6, encounter=ENCOUNTER)
+    with pytest.raises(DataFileError, match="other groups"):
+        into_atlas(other, [tmp_path / "smaller.nc"], path)
+    assert len(Atlas.load(path).parts) == 1
+    scene_file = tmp_path / "scene.toml"
+    scene_file.write_text(scene.text)
+    call = ["kernels", str(scene_file), "--from", str(dataset), "--into", str(tmp_path / "new.nc")]
+    done = CliRunner().invoke(app, call)
+    assert done.exit_code == 0 and "100 encounters" in done.output
+
+
+def test_a_table_keeps_the_groups_of_its_scene(scene, dataset, tmp_path):
+    make(scene, tmp_path / "k.nc", dataset, 0)
+    table = KernelTable.load(tmp_path / "k.nc")
+    assert {name: tuple(g) for name, g in groups_of(table).items()} == {
+        name: tuple(g) for name, g in groups(scene).items()
+    }
+    # One that was made before says them again when its run is joined.
+    old = dataclasses.replace(
+        only_designed(table), about={k: v for k, v in table.about.items() if k != "groups"}
+    )
+    assert groups_of(with_runs(old, [RunDataset(dataset)])) == groups_of(table)
