@@ -113,10 +113,22 @@ def same_physics(one: Scene, other: Scene) -> str | None:
 def with_runs(designed: KernelTable, runs: Sequence[RunDataset]) -> KernelTable:
     """The table that `tabulate` made of these runs, from its designed encounters alone and the event logs again.
 
-    designed : a table of which only the designed encounters were kept; its classes stay as they are
-    runs : those that it names in `about["runs"]`
+    Parameters
+    ----------
+    designed : KernelTable
+        Of which only the designed encounters were kept; its classes stay as they are.
+    runs : sequence of RunDataset
+        Those that it names in `about["runs"]`.
 
-    Raises `UserError` for other runs.
+    Returns
+    -------
+    KernelTable
+        With every encounter of the runs.
+
+    Raises
+    ------
+    UserError
+        Of other runs.
     """
     names = " ".join(run.path.name for run in runs)
     if names != designed.about["runs"]:
@@ -232,7 +244,24 @@ class Plan:
 def steady_shares(table: KernelTable, volume_fraction: float) -> tuple[float, VarianceShares]:
     """Steady <P> of the balance on the table, and where its variance comes from.
 
-    Raises `PBEError` where encounters that were seen bear no steady state, with what is missing.
+    Parameters
+    ----------
+    table : KernelTable
+        With encounters enough for a steady state.
+    volume_fraction : float
+        Of primaries [-].
+
+    Returns
+    -------
+    mean_size : float
+        Steady <P>.
+    shares : VarianceShares
+        Whose `deviation` is its standard error, and whose `largest` are the pairs of classes that make it.
+
+    Raises
+    ------
+    PBEError
+        Where encounters that were seen bear no steady state, with what is missing.
     """
     value, shares, evidence = _shares(table, volume_fraction)
     if value is None or shares is None or not evidence.holds:

@@ -25,3 +25,5 @@ from .study.solve_table import open_table as open_table
 from .study.solve_table import solve_table as solve_table
 from .tables.kernel_table import KernelTable as KernelTable
 from .tables.similarity import Conditions as Conditions
+
+__version__: str

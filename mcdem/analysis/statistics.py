@@ -93,6 +93,22 @@ def origins_of(*columns: ArrayLike) -> NDArray[np.intp]:
     Doubling a population adds an exact copy of each aggregate, and most copies shear on for long before anything happens to
     them but small shifts; an aggregate that is left alone from one snapshot to the next is the same twice.  Chance likeness
     (there is one tetrahedron) counts as one origin too, which widens limits and never narrows them.
+
+    Parameters
+    ----------
+    *columns : (A,) array_like
+        What is compared, such as sizes and radii; any units.
+
+    Returns
+    -------
+    (A,) integers
+        The same for rows of one origin.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import origins_of
+    >>> origins_of([3, 7, 3], [1.0e-6, 2.0e-6, 1.0001e-6]).tolist()
+    [0, 1, 0]
     """
     rows = np.column_stack([np.asarray(column, dtype=float) for column in columns])
     if not len(rows):
@@ -405,7 +421,24 @@ def share_of_origins(chosen: ArrayLike, origin: ArrayLike) -> tuple[float, float
 
 
 def share(hits: int, count: int) -> tuple[float, float, float]:
-    """hits/count with its 95 % limits (Wilson 1927); (nan, 0, 1) of nothing."""
+    """hits/count with its 95 % limits (Wilson 1927); (nan, 0, 1) of nothing.
+
+    Parameters
+    ----------
+    hits, count : int
+        How many of how many.
+
+    Returns
+    -------
+    (float, float, float)
+        The share and its limits [-].
+
+    Examples
+    --------
+    >>> from mcdem.analysis import share
+    >>> [round(value, 3) for value in share(3, 20)]
+    [0.15, 0.052, 0.36]
+    """
     portion, low, high = shares(hits, count).tolist()
     return portion, low, high
 
