@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("sphinx", reason="Sphinx is not installed (pip install 'pbekit[docs]')")
 
-from docs.extensions import reference, sources
+from docs.extensions import console, reference, sources
 from mcdem.scene import load_scene
 
 ROOT = Path(__file__).parents[2]
@@ -76,16 +76,45 @@ def test_commands_that_are_shown_exist_with_their_options():
     assert seen > 40
 
 
-def test_recorded_output_belongs_to_a_block():
-    from docs.extensions.console import record_of
-
-    blocks = set()
+def recorded():
+    """(page, commands) of every recorded block, in their order."""
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         for options, content in re.findall(
             r"^```\{console\}\n((?::[^\n]*\n)*)(.*?)^```", text, re.MULTILINE | re.DOTALL
         ):
             if ":recorded:" in options:
-                name = page.relative_to(ROOT / "docs").with_suffix("").as_posix()
-                blocks.add(record_of(name, content.strip("\n")))
-    assert blocks == set((ROOT / "docs/recorded").glob("*.txt"))
+                yield page.relative_to(ROOT / "docs").with_suffix("").as_posix(), content.strip("\n")
+
+
+def test_recorded_output_belongs_to_a_block():
+    blocks = {console.record_of(page, text) for page, text in recorded()}
+    assert len(blocks) > 4
+    assert blocks == set(console.RECORDED.glob("*.txt"))
+
+
+def masked(text: str) -> tuple[str, list[float]]:
+    """A text without its numbers, and these."""
+    number = r"\d+(?:\.\d+)?(?:e[+-]?\d+)?"
+    return re.sub(number, "#", text), [float(found) for found in re.findall(number, text)]
+
+
+@pytest.mark.slow
+def test_recorded_output_is_what_the_commands_print(tmp_path):
+    """To the letter in words; numbers to a quarter: rounding differs between processors, and paths of aggregates diverge."""
+    for page, text in recorded():
+        lines = [line[2:] for line in re.sub(r"\\\n", " ", text).splitlines() if line.startswith("$ ")]
+        printed = "\n".join(
+            filter(
+                None, (console.run(line, console.folder_of(tmp_path, page), tmp_path)[1] for line in lines)
+            )
+        )
+        words, numbers = masked(printed)
+        kept_words, kept_numbers = masked(console.record_of(page, text).read_text(encoding="utf-8"))
+        assert words == kept_words, (page, text, printed)
+        for now, kept in zip(numbers, kept_numbers, strict=True):
+            assert now == pytest.approx(kept, rel=0.25, abs=30 if kept.is_integer() else 1e-12), (
+                page,
+                text,
+                printed,
+            )
