@@ -34,13 +34,27 @@ def gather(target: Path, gallery: bool) -> None:
         for path in notebooks():
             print(f"notebook {path.name}", flush=True)
             wanted[target / "gallery" / path.name] = executed(path)
+    from docs.extensions.reference import packages
+
+    made = {target / "reference" / f"{package}.rst": page_of(package) for package in packages()}
     for path in list(target.rglob("*")):
+        if path in made:
+            continue
         if path.is_file() and path not in wanted and "pictures" not in path.parts:
             path.unlink()
     for place, path in wanted.items():
         place.parent.mkdir(parents=True, exist_ok=True)
         if not place.exists() or place.read_bytes() != path.read_bytes():
             shutil.copy(path, place)
+    for place, text in made.items():
+        if not place.exists() or place.read_text(encoding="utf-8") != text:
+            place.write_text(text, encoding="utf-8")
+
+
+def page_of(package: str) -> str:
+    """The page of a package in the reference."""
+    title = f"``{package}``"
+    return f"{title}\n{'=' * len(title)}\n\n.. automodule:: {package}\n    :no-members:\n\n.. public:: {package}\n"
 
 
 def main() -> int:

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import os
 import sys
+import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from importlib.metadata import version as installed  # noqa: E402
-
 from docs.extensions.sources import linkcode_resolve as linkcode_resolve  # noqa: E402
 
 project = "pbekit"
 author = copyright = "the pbekit developers"
-release = version = installed("pbekit")
+release = version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
 language = "en"
 
 extensions = [

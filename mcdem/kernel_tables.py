@@ -395,12 +395,21 @@ def tabulate(
 
     Parameters
     ----------
+    scene : whose encounters are tabulated
+    output : file to write; whole at every moment
     runs : datasets of `mcdem run`; their events are re-used and their aggregates are drawn from
     encounters : designed encounters, at most
     error : stop as soon as the relative standard error of the steady <P> is below
     primaries : designed encounters are of two primaries until the table holds so many of these, for eta_11 and growth
     aggregates_only : draw aggregates from the runs but do not re-use their events (they are of other physics)
     shape, shapes : second coordinate of the classes (see `pbekit.tables.kernel_table.SHAPES`) and how many classes it has
+    seed : of the designed encounters, instead of the scene's
+    executor : computes them: anything with the contract of `concurrent.futures.Executor`; the table is the same
+    resume : extend what `output` holds, if it exists
+    overwrite : replace `output` if it exists
+    progress : called with a `TableProgress`
+    encounter : resolves an encounter, `simulate_encounter` or anything of its form
+    checkpoint_every : longest time between two writings [s]
     """
     path, seed = Path(output), checked(scene.run.seed if seed is None else seed)
     scene.require_one_radius("a table for the balance counts equal primaries")

@@ -102,7 +102,7 @@ def escaped(line: str) -> str:
 
 def read(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Before numpydoc sees a docstring."""
-    lines[:] = readable(lines)
+    lines[:] = [] if lines[:1] and lines[0].startswith("Alias for field number") else readable(lines)
 
 
 def setup(app: Any) -> dict[str, bool]:

@@ -69,7 +69,8 @@ def automatic(package: str, name: str) -> list[str]:
         return [*lines, ""]
     if callable(found):
         return [f".. autofunction:: {package}.{name}", ""]
-    return [f".. py:data:: {package}.{name}", "", *(f"    {line}" for line in said_below(package, name)), ""]
+    said = [f"    {line}" for line in said_below(package, name)]
+    return [f".. py:data:: {name}", f"    :module: {package}", "", *said, ""]
 
 
 def said_below(package: str, name: str) -> list[str]:

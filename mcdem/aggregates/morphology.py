@@ -89,8 +89,8 @@ def semi_axes(
 
     Parameters
     ----------
-    moments : (A, 3, 3) [m^2]
-        Second moments of the mass about the centre, of `second_moments`.
+    moments : (A, 3) [m^2]
+        Principal second moments of the centres, largest first.
     radius : float
         Radius of a primary [m].
     inertia : {"points", "spheres"}

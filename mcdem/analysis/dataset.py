@@ -319,7 +319,7 @@ def pooled_breakups(runs: Sequence[RunDataset], convention: Convention) -> dict[
 
     Returns
     -------
-    xarray.Dataset
-        Means with their 95 % limits.
+    dict
+        {name: value}, with 95 % limits.
     """
     return summarise(pool([run.late_breakups for run in runs], "breakup"), convention)

@@ -152,6 +152,7 @@ def fit_power_law(
 
     Parameters
     ----------
+    x, y : (A,) positive numbers, in any unit
     origin : (A,) labels; None takes points that are equal to nine digits for copies of one another
     minimum : what is asked for
     """
@@ -209,6 +210,8 @@ def fit_mass_size(
 
     Parameters
     ----------
+    sizes : (A,) primaries P
+    radius : of a primary [m]
     lengths : (A,) [m] radii of gyration for d_g, k_g; outer radii for d_o, k_o
     given : what the regression takes as given, the other scattering about the law. "size": ln length against ln P, then solved
         for P; "length": ln P against ln length. Aggregates of one P differ in shape, so the exponents differ by the square of
@@ -295,6 +298,25 @@ def time_average(
     The wider of the limits of Student's t from four and from eight blocks (Schmeiser 1982; Flyvbjerg & Petersen 1989): four are
     as long as can be against the memory of the series, eight guard against four that are alike by chance.  The error of what
     cannot be known is infinite (no stretch), or nan as the mean is (nothing recorded, or nan among the values).
+
+    Parameters
+    ----------
+    times : (T,) [s], ascending
+    values : (T,) that hold from each time to the next
+    start, stop : [s], the whole series by default
+
+    Returns
+    -------
+    TimeAverage
+        Mean and its error, in the unit of the values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mcdem.analysis import time_average
+    >>> found = time_average(np.arange(9.0), [3.0, 5.0] * 4 + [3.0])
+    >>> found.mean
+    4.0
     """
     t, v = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
     if not len(t):
@@ -357,6 +379,8 @@ def find_steady_state(
 
     Parameters
     ----------
+    times : (T,) [s], ascending
+    series : by name, values (T,) that hold from each time to the next
     turnovers : (T,) aggregates born until then, over the number there is; not asked for when None
     largest_change : by name of a series, the relative difference of the halves to be ruled out; LARGEST_CHANGE for the rest
     """

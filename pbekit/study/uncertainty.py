@@ -61,8 +61,8 @@ def draws_of(
 
     Returns
     -------
-    dict
-        {name: array (draws, ...)}.
+    xarray.Dataset
+        Each output, stacked along `draw`.
     """
     whole_number("draws", draws, 1, MOST_DRAWS)
     whole_number("seed", seed, 0, LARGEST_SEED)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 from pathlib import Path
@@ -43,6 +44,21 @@ def test_a_link_to_nothing_is_seen():
 )
 def test_scenes_of_the_manual_load(path):
     assert load_scene(path).question.endswith("?")
+
+
+def test_no_angle_brackets_are_taken_for_a_tag():
+    """Markdown would swallow <P>: it is written ⟨P⟩, or as code."""
+    notebooks = {
+        path: "\n".join(
+            "".join(cell["source"])
+            for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]
+            if cell["cell_type"] == "markdown"
+        )
+        for path in (ROOT / "notebooks").glob("*.ipynb")
+    }
+    for path, text in {**{page: page.read_text(encoding="utf-8") for page in PAGES}, **notebooks}.items():
+        plain = re.sub(r"```.*?```|`[^`]*`|\$[^$]*\$|<!--.*?-->", "", text, flags=re.DOTALL)
+        assert not re.search(r"<[A-Za-z]\w*>", plain), path.name
 
 
 def shown_commands():
