@@ -12,6 +12,7 @@ from pathlib import Path
 import lazy_loader as lazy
 
 from mcdem import compiled_cache
+from pbekit.version import __version__ as __version__
 
 # Before the first kernel is decorated.
 compiled_cache.key_by_sources(Path(__file__).parent)

@@ -27,3 +27,5 @@ from .scene import Population as Population
 from .scene import Run as Run
 from .scene import Scene as Scene
 from .scene import load_scene as load_scene
+
+__version__: str

@@ -49,12 +49,32 @@ def velocities(
 ) -> Velocities:
     """Velocities of free spheres of the scene's radius, or of `radii` (N,) [m] of several, in its flow, without direct forces.
 
-    positions : (N, 3) [m];  forces : (N, 3) [N] and torques : (N, 3) [N m], external, zero by default; all as numbers in SI
-    units, text with units, or quantities of pint.
     At the scene's level of hydrodynamics: Stokesian dynamics of Durlofsky, Brady & Bossis (1987), or a coarser one; with
     stresslets, from MATRIX_FREE_FROM spheres on by iteration in O(N) memory on all cores, to 1e-6.
     Without stresslet couplings (rotne_prager, free_draining) a sphere's stresslet is that of a single one.
-    Raises `UserError` for wrong shapes, numbers that are not finite, or spheres that overlap grossly.
+
+    Parameters
+    ----------
+    scene : Scene
+        Whose flow, radius and level of hydrodynamics are taken.
+    positions : array_like, (N, 3) [m]
+        Centres.
+    forces, torques : array_like, (N, 3) [N], (N, 3) [N m]
+        External ones, zero by default.
+    radii : array_like, (N,) [m]
+        Of spheres of several radii, instead of the scene's.
+
+    All as numbers in SI units, text with units, or quantities of pint.
+
+    Returns
+    -------
+    Velocities
+        linear (N, 3) [m/s], angular (N, 3) [1/s], stresslet (N, 3, 3) [N m].
+
+    Raises
+    ------
+    UserError
+        Of wrong shapes, numbers that are not finite, or spheres that overlap grossly.
     """
     scene_at_door(scene)
     x = si("positions", positions, LENGTH, (None, 3))

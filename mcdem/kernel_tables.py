@@ -114,10 +114,22 @@ def same_physics(one: Scene, other: Scene) -> str | None:
 def with_runs(designed: KernelTable, runs: Sequence[RunDataset]) -> KernelTable:
     """The table that `tabulate` made of these runs, from its designed encounters alone and the event logs again.
 
-    designed : a table of which only the designed encounters were kept; its classes stay as they are
-    runs : those that it names in `about["runs"]`
+    Parameters
+    ----------
+    designed : KernelTable
+        Of which only the designed encounters were kept; its classes stay as they are.
+    runs : sequence of RunDataset
+        Those that it names in `about["runs"]`.
 
-    Raises `UserError` for other runs.
+    Returns
+    -------
+    KernelTable
+        With every encounter of the runs.
+
+    Raises
+    ------
+    UserError
+        Of other runs.
     """
     names = " ".join(run.path.name for run in runs)
     if names != designed.about["runs"]:
@@ -278,7 +290,24 @@ class Plan:
 def steady_shares(table: KernelTable, volume_fraction: float) -> tuple[float, VarianceShares]:
     """Steady <P> of the balance on the table, and where its variance comes from.
 
-    Raises `PBEError` where encounters that were seen bear no steady state, with what is missing.
+    Parameters
+    ----------
+    table : KernelTable
+        With encounters enough for a steady state.
+    volume_fraction : float
+        Of primaries [-].
+
+    Returns
+    -------
+    mean_size : float
+        Steady <P>.
+    shares : VarianceShares
+        Whose `deviation` is its standard error, and whose `largest` are the pairs of classes that make it.
+
+    Raises
+    ------
+    PBEError
+        Where encounters that were seen bear no steady state, with what is missing.
     """
     value, shares, evidence = _shares(table, volume_fraction)
     if value is None or shares is None or not evidence.holds:
@@ -412,12 +441,21 @@ def tabulate(
 
     Parameters
     ----------
+    scene : whose encounters are tabulated
+    output : file to write; whole at every moment
     runs : datasets of `mcdem run`; their events are re-used and their aggregates are drawn from
     encounters : designed encounters, at most
     error : stop as soon as the relative standard error of the steady <P> is below
     primaries : designed encounters are of two primaries until the table holds so many of these, for eta_11 and growth
     aggregates_only : draw aggregates from the runs but do not re-use their events (they are of other physics)
     shape, shapes : second coordinate of the classes (see `pbekit.tables.kernel_table.SHAPES`) and how many classes it has
+    seed : of the designed encounters, instead of the scene's
+    executor : computes them: anything with the contract of `concurrent.futures.Executor`; the table is the same
+    resume : extend what `output` holds, if it exists
+    overwrite : replace `output` if it exists
+    progress : called with a `TableProgress`
+    encounter : resolves an encounter, `simulate_encounter` or anything of its form
+    checkpoint_every : longest time between two writings [s]
     """
     path, seed = Path(output), checked(scene.run.seed if seed is None else seed)
     scene.require_one_radius("a table for the balance counts equal primaries")

@@ -8,4 +8,6 @@ Names are imported when they are first used, so that a command answers, and can 
 
 import lazy_loader as lazy
 
+from pbekit.version import __version__ as __version__
+
 __getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

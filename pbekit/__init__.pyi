@@ -26,3 +26,5 @@ from .study.solve_table import solve_table as solve_table
 from .tables.atlas import Atlas as Atlas
 from .tables.kernel_table import KernelTable as KernelTable
 from .tables.similarity import Conditions as Conditions
+
+__version__: str

@@ -31,13 +31,12 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from datetime import UTC, datetime
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple
 
 from pbekit.checksum import SEALED, add, agrees
+from pbekit.version import __version__
 
 HDF5, CLASSIC = b"\x89HDF\r\n\x1a\n", b"CDF"
 """How NetCDF files begin: the new and the classic format."""
@@ -104,7 +103,7 @@ class Files:
     @property
     def signature(self) -> str:
         """Program and version, as a file's origin."""
-        return f"{self.program} {_version()}"
+        return f"{self.program} {__version__}"
 
     @property
     def _numbers(self) -> str:
@@ -521,11 +520,3 @@ def _ended_in_order() -> Iterator[None]:
     finally:
         for number in caught:
             signal.signal(number, signal.SIG_DFL)
-
-
-@cache
-def _version() -> str:
-    try:
-        return version("pbekit")
-    except PackageNotFoundError:
-        return "of a folder"

@@ -8,13 +8,14 @@ import math
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, ClassVar, TextIO
+from typing import Annotated, Any, ClassVar, TextIO
 
 import typer
 from typer.core import TyperGroup
 
 from pbekit import endings
 from pbekit.files import said_of_system
+from pbekit.version import __version__
 
 OURS = ("mcdem", "pbekit")
 """Packages whose warnings are for users."""
@@ -98,9 +99,25 @@ def program(answers: type[Program], package: str, commands: Sequence[str], purpo
         pretty_exceptions_enable=False,
         rich_markup_mode="markdown",
     )
+    app.callback()(_with_version)
     for name in commands:
         app.command()(getattr(importlib.import_module(f"{package}.{name}"), name))
     return app
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"pbekit {__version__}")
+        raise typer.Exit
+
+
+def _with_version(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_say_version, is_eager=True, help="Show the version and exit."),
+    ] = False,
+) -> None:
+    """Options of the program itself."""
 
 
 def finite(value: float | None) -> float | None:

@@ -86,6 +86,24 @@ def semi_axes(
     """Semi-axes of the inertia-equivalent ellipsoid, a_1 >= a_2 >= a_3. (A, 3) [m]
 
     Of several radii, with the sizes (A,), "points" takes no axis smaller than the largest primary's radius.
+
+    Parameters
+    ----------
+    moments : (A, 3) [m^2]
+        Principal second moments of the centres, largest first.
+    radius : float
+        Radius of a primary [m].
+    inertia : {"points", "spheres"}
+        Where the mass of a primary sits.
+    sizes : (A,) integers
+        Primaries of each aggregate.
+    radii : (sum P,) [m]
+        Radius of each primary, where there are several.
+
+    Returns
+    -------
+    (A, 3) array
+        [m].
     """
     if radii is None or sizes is None:
         floor, own = np.array(radius), np.array(radius**2)
@@ -97,12 +115,48 @@ def semi_axes(
 
 
 def aspect_ratio(axes: Floats) -> Floats:
-    """A.R. = 2 a_1 / (a_2 + a_3), Eq. 27. (A,)"""
+    """A.R. = 2 a_1 / (a_2 + a_3), Eq. 27. (A,)
+
+    Parameters
+    ----------
+    axes : (A, 3) [m]
+        Semi-axes, largest first, of `semi_axes`.
+
+    Returns
+    -------
+    (A,) array
+        [-].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mcdem.aggregates import aspect_ratio
+    >>> float(aspect_ratio(np.array([[3e-6, 1e-6, 1e-6]]))[0])
+    3.0
+    """
     return 2.0 * axes[:, 0] / (axes[:, 1] + axes[:, 2])
 
 
 def isostatic_bonds(sizes: Ints) -> NDArray[np.int64]:
-    """Fewest bonds that can make P primaries rigid: 3P - 6 (Maxwell 1864), and 0, 1 for P = 1, 2. (A,)"""
+    """Fewest bonds that can make P primaries rigid: 3P - 6 (Maxwell 1864), and 0, 1 for P = 1, 2. (A,)
+
+    Parameters
+    ----------
+    sizes : (A,) integers
+        Primaries P of each aggregate.
+
+    Returns
+    -------
+    (A,) integers
+        Numbers of bonds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mcdem.aggregates import isostatic_bonds
+    >>> isostatic_bonds(np.array([1, 2, 3, 4, 20])).tolist()
+    [0, 1, 3, 6, 54]
+    """
     sizes = np.asarray(sizes, dtype=np.int64)
     return np.maximum(3 * sizes - 6, sizes - 1) * (sizes > 0)
 
@@ -134,9 +188,27 @@ def population_morphology(
 ) -> xr.Dataset:
     """Shape and structure of every aggregate of a population; shapes as in the head of this file.
 
-    radius : radius of a primary [m], of several the largest;  radii : (sum P,) [m] then of each
-    rigidity : whether to count floppy modes and redundant bonds, by far the dearest of all
-    Returns a Dataset over ``aggregate`` whose variables carry units and long names.
+    Parameters
+    ----------
+    positions : (sum P, 3) [m]
+        Centres of the primaries, aggregate after aggregate.
+    sizes, bond_counts : (A,) integers
+        Primaries and contacts of each aggregate.
+    bonds : (sum B, 2) integers
+        Contacts, numbered from 0 within their own aggregate.
+    radius : float
+        Of a primary [m], of several the largest.
+    inertia : {"points", "spheres"}
+        Where the mass of a primary sits.
+    rigidity : bool
+        Whether to count floppy modes and redundant bonds, by far the dearest of all.
+    radii : (sum P,) [m]
+        Of each primary, where there are several.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over ``aggregate``; its variables carry units and long names.
     """
     sizes = np.asarray(sizes, dtype=np.int64)
     bond_counts = np.asarray(bond_counts, dtype=np.int64)
@@ -190,7 +262,36 @@ def population_morphology(
 def morphology(
     positions: Floats, bonds: Ints, radius: float, inertia: Inertia = "points", radii: Floats | None = None
 ) -> xr.Dataset:
-    """Shape and structure of one aggregate: positions (P, 3) [m], bonds (n_b, 2). Scalars with units."""
+    """Shape and structure of one aggregate: positions (P, 3) [m], bonds (n_b, 2). Scalars with units.
+
+    Parameters
+    ----------
+    positions : (P, 3) [m]
+        Centres of the primaries.
+    bonds : (n_b, 2) integers
+        Contacts.
+    radius : float
+        Of a primary [m].
+    inertia : {"points", "spheres"}
+        Where the mass of a primary sits.
+    radii : (P,) [m]
+        Of each primary, where there are several.
+
+    Returns
+    -------
+    xarray.Dataset
+        Scalars with units and long names.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mcdem.aggregates import morphology
+    >>> line = np.array([[-2e-6, 0, 0], [-1e-6, 0, 0], [0, 0, 0], [1e-6, 0, 0], [2e-6, 0, 0]])
+    >>> bonds = np.array([[0, 1], [1, 2], [2, 3], [3, 4]])
+    >>> found = morphology(line, bonds, 0.5e-6)
+    >>> round(float(found.outer_radius), 9), round(float(found.radius_of_gyration), 9)
+    (2.5e-06, 1.414e-06)
+    """
     positions = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
     bonds = np.asarray(bonds, dtype=np.int64).reshape(-1, 2)
     one = population_morphology(

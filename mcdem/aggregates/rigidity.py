@@ -15,7 +15,28 @@ RELATIVE_ZERO = 1e-6
 
 
 def rigidity_matrix(positions: NDArray[np.float64], bonds: NDArray[np.integer]) -> NDArray[np.float64]:
-    """(n_b, 3P), from positions (P, 3) and bonds (n_b, 2)."""
+    """(n_b, 3P), from positions (P, 3) and bonds (n_b, 2).
+
+    Parameters
+    ----------
+    positions : (P, 3)
+        Centres, in any unit.
+    bonds : (n_b, 2) integers
+        Contacts.
+
+    Returns
+    -------
+    (n_b, 3P) array
+        Stretching of each bond by small displacements.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mcdem.aggregates import rigidity_matrix
+    >>> triangle = np.array([[0, 0, 0], [1, 0, 0], [0.5, 0.75**0.5, 0]])
+    >>> rigidity_matrix(triangle, np.array([[0, 1], [1, 2], [0, 2]])).shape
+    (3, 9)
+    """
     first, second = bonds[:, 0], bonds[:, 1]
     direction = positions[first] - positions[second]
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
@@ -45,7 +66,35 @@ def count_modes(
     bonds: NDArray[np.integer],
     bond_counts: NDArray[np.integer],
 ) -> NDArray[np.int64]:
-    """(A, 2): floppy modes and redundant bonds of every aggregate of a ragged population (see `morphology`)."""
+    """(A, 2): floppy modes and redundant bonds of every aggregate of a ragged population (see `morphology`).
+
+    Parameters
+    ----------
+    positions : (sum P, 3)
+        Centres of the primaries, aggregate after aggregate, in any unit.
+    sizes, bond_counts : (A,) integers
+        Primaries and contacts of each aggregate.
+    bonds : (sum B, 2) integers
+        Contacts, numbered from 0 within their own aggregate.
+
+    Returns
+    -------
+    (A, 2) integers
+        Floppy modes and redundant bonds.
+
+    Examples
+    --------
+    A triangle of three is rigid; without one of its bonds it has a floppy mode.
+
+    >>> import numpy as np
+    >>> from mcdem.aggregates import count_modes
+    >>> triangle = np.array([[0, 0, 0], [1, 0, 0], [0.5, 0.75**0.5, 0]])
+    >>> one, bonds = np.array([3]), np.array([[0, 1], [1, 2], [0, 2]])
+    >>> count_modes(triangle, one, bonds, np.array([3])).tolist()
+    [[0, 0]]
+    >>> count_modes(triangle, one, bonds[:2], np.array([2])).tolist()
+    [[1, 0]]
+    """
     counts = np.empty((len(sizes), 2), dtype=np.int64)
     first_primary, first_bond = np.cumsum(sizes) - sizes, np.cumsum(bond_counts) - bond_counts
     for k, (size, bond_count, i, b) in enumerate(

@@ -61,7 +61,27 @@ QUANTITIES = ("eta_11", "outcome", "fragment", "geometry")
 
 
 def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
-    """The reference, the scene as given, and every setting changed alone and all together."""
+    """The reference, the scene as given, and every setting changed alone and all together.
+
+    Parameters
+    ----------
+    scene : Scene
+        Whose numerics are changed.
+    quick : bool
+        Fewer of them.
+
+    Returns
+    -------
+    list of Setting
+        The reference first.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.analysis import settings_of
+    >>> len(settings_of(mcdem.load_scene("scenes/quickstart.toml"), quick=True)) > 3
+    True
+    """
     if not SCHEMES[scene.numerics.scheme].shortcuts:
         raise UserError(
             f'{scene.name}: [numerics] scheme = "{scene.numerics.scheme}"; mcdem cost weighs the settings of '
@@ -290,6 +310,18 @@ def cheapest(prices: Sequence[Price], error: float) -> Price | None:
     """The cheapest setting of numerics whose 95 % limits all stay within `error`; None if there is none.
 
     The scene as given, if it is among them and no other is faster by more than the error of their difference.
+
+    Parameters
+    ----------
+    prices : sequence of Price
+        Of `measure`.
+    error : float
+        Wanted error [-].
+
+    Returns
+    -------
+    Price or None
+        Which it is.
     """
     good = [
         p

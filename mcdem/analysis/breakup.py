@@ -37,7 +37,20 @@ EROSION_ABOVE = 0.90
 
 
 def in_convention(broken: xr.Dataset, convention: Convention) -> NDArray[np.bool_]:
-    """(breakup,) which rows of `breakups` are breakups of a convention."""
+    """(breakup,) which rows of `breakups` are breakups of a convention.
+
+    Parameters
+    ----------
+    broken : xarray.Dataset
+        Of `breakups`.
+    convention : {"paper", "strict", "own"}
+        What counts as breakup.
+
+    Returns
+    -------
+    (breakup,) booleans
+        Which belong to it.
+    """
     by_itself = broken["by_itself"].values
     return np.isin(broken["outcome"].values, BROKEN[convention]) & (by_itself == (convention == "own"))
 
@@ -105,6 +118,20 @@ def summarise(
     limits; infinite of one), mean and deviation of ``collider_size``,
     ``largest_fragment``, ``fragments``, ``two_fragments`` (share), ``fragmentation_share`` (0.45 - 0.75 of the parent:
     the paper's range) and ``erosion_share``, each with 95 % limits, and ``breakups`` (count).
+
+    Parameters
+    ----------
+    broken : xarray.Dataset
+        Of `breakups`.
+    convention : {"paper", "strict", "own"}
+        What counts as breakup.
+    erosion_above : float
+        Largest fragment over the parent, from which on a breakup is erosion [-].
+
+    Returns
+    -------
+    dict
+        {name: value}.
     """
     chosen = broken.isel(breakup=in_convention(broken, convention))
     count = chosen.sizes["breakup"]

@@ -229,14 +229,38 @@ class RunDataset:
 
 
 def origins(population: xr.Dataset) -> NDArray[np.intp]:
-    """(aggregate,) which aggregates of a population are copies of one another (`statistics.origins_of`)."""
+    """(aggregate,) which aggregates of a population are copies of one another (`statistics.origins_of`).
+
+    Parameters
+    ----------
+    population : xarray.Dataset
+        Of `RunDataset.population`.
+
+    Returns
+    -------
+    (aggregate,) integers
+        The same for copies.
+    """
     return origins_of(
         *(population[name].values for name in ("size", "bond_count", "radius_of_gyration", "outer_radius"))
     )
 
 
 def pool(datasets: Iterable[xr.Dataset], dim: str) -> xr.Dataset:
-    """Rows of several replicas one after another."""
+    """Rows of several replicas one after another.
+
+    Parameters
+    ----------
+    datasets : iterable of xarray.Dataset
+        Of replicas, of the same variables.
+    dim : str
+        Dimension along which they are joined.
+
+    Returns
+    -------
+    xarray.Dataset
+        All rows.
+    """
     return xr.concat(list(datasets), dim, combine_attrs="drop_conflicts", join="exact")
 
 
@@ -247,7 +271,28 @@ OF_REPLICAS = ("suspension", "flow", "effects", "hydrodynamics", "numerics", "po
 def by_stress(runs: Iterable[RunDataset]) -> dict[float, list[RunDataset]]:
     """Replicas together, by rising shear stress [Pa].
 
-    Raises `UserError` where two runs of one stress differ in more than seed, sample and end: they are no replicas.
+    Parameters
+    ----------
+    runs : iterable of RunDataset
+        Replicas, in any order.
+
+    Returns
+    -------
+    dict
+        {stress [Pa]: its runs}.
+
+    Raises
+    ------
+    UserError
+        Where two runs of one stress differ in more than seed, sample and end: they are no replicas.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.analysis import by_stress
+    >>> runs = [mcdem.open_run(f"notebooks/data/run-{name}.nc") for name in ("1250Pa", "1500Pa-of-100")]
+    >>> list(by_stress(runs))
+    [1250.0, 1500.0]
     """
     groups: dict[float, list[RunDataset]] = {}
     for run in sorted(runs, key=lambda run: run.stress):
@@ -263,5 +308,18 @@ def by_stress(runs: Iterable[RunDataset]) -> dict[float, list[RunDataset]]:
 
 
 def pooled_breakups(runs: Sequence[RunDataset], convention: Convention) -> dict[str, float]:
-    """`breakup.summarise` over the steady stretches of replicas."""
+    """`breakup.summarise` over the steady stretches of replicas.
+
+    Parameters
+    ----------
+    runs : sequence of RunDataset
+        Replicas.
+    convention : {"paper", "strict", "own"}
+        What counts as breakup, see `mcdem.analysis.breakups`.
+
+    Returns
+    -------
+    dict
+        {name: value}, with 95 % limits.
+    """
     return summarise(pool([run.late_breakups for run in runs], "breakup"), convention)

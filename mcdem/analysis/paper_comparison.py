@@ -87,7 +87,18 @@ class Row:
 
 
 def compare(runs: Sequence[RunDataset]) -> list[Row]:
-    """Rows for replicas of one scene; empty where the paper prints nothing for it."""
+    """Rows for replicas of one scene; empty where the paper prints nothing for it.
+
+    Parameters
+    ----------
+    runs : sequence of RunDataset
+        Replicas of one scene.
+
+    Returns
+    -------
+    list of Row
+        Measured and printed, with limits.
+    """
     scene = runs[0].scene
     rows: list[Row] = []
     steady = all(run.steady.reached for run in runs)
@@ -531,7 +542,18 @@ def _breakups(runs: Sequence[RunDataset]) -> Iterator[Row]:
 
 
 def breakup_exponents(groups: dict[float, list[RunDataset]]) -> list[Row]:
-    """q of P_br and of <P> against stress, from three stresses or more."""
+    """q of P_br and of <P> against stress, from three stresses or more.
+
+    Parameters
+    ----------
+    groups : dict
+        {stress [Pa]: its runs}, of `by_stress`.
+
+    Returns
+    -------
+    list of Row
+        Measured and printed, with limits.
+    """
     if len(groups) < 3:
         return []
     stress = np.array(list(groups))

@@ -65,7 +65,25 @@ class Difference:
 
 
 def settings_from(given: dict[str, list[str]]) -> list[Setting]:
-    """One setting for each value of each key, after the scene as given; every key is changed alone."""
+    """One setting for each value of each key, after the scene as given; every key is changed alone.
+
+    Parameters
+    ----------
+    given : dict
+        {dotted key: values as in a scene file}.
+
+    Returns
+    -------
+    list of Setting
+        The scene as given, and one for each value.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import settings_from
+    >>> found = settings_from({"hydrodynamics.lubrication_cutoff": ["1e-3", "1e-2"]})
+    >>> len(found)
+    3
+    """
     return [
         Setting(GIVEN, "as given"),
         *(

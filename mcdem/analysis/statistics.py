@@ -93,6 +93,22 @@ def origins_of(*columns: ArrayLike) -> NDArray[np.intp]:
     Doubling a population adds an exact copy of each aggregate, and most copies shear on for long before anything happens to
     them but small shifts; an aggregate that is left alone from one snapshot to the next is the same twice.  Chance likeness
     (there is one tetrahedron) counts as one origin too, which widens limits and never narrows them.
+
+    Parameters
+    ----------
+    *columns : (A,) array_like
+        What is compared, such as sizes and radii; any units.
+
+    Returns
+    -------
+    (A,) integers
+        The same for rows of one origin.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import origins_of
+    >>> origins_of([3, 7, 3], [1.0e-6, 2.0e-6, 1.0001e-6]).tolist()
+    [0, 1, 0]
     """
     rows = np.column_stack([np.asarray(column, dtype=float) for column in columns])
     if not len(rows):
@@ -136,6 +152,7 @@ def fit_power_law(
 
     Parameters
     ----------
+    x, y : (A,) positive numbers, in any unit
     origin : (A,) labels; None takes points that are equal to nine digits for copies of one another
     minimum : what is asked for
     """
@@ -193,6 +210,8 @@ def fit_mass_size(
 
     Parameters
     ----------
+    sizes : (A,) primaries P
+    radius : of a primary [m]
     lengths : (A,) [m] radii of gyration for d_g, k_g; outer radii for d_o, k_o
     given : what the regression takes as given, the other scattering about the law. "size": ln length against ln P, then solved
         for P; "length": ln P against ln length. Aggregates of one P differ in shape, so the exponents differ by the square of
@@ -279,6 +298,25 @@ def time_average(
     The wider of the limits of Student's t from four and from eight blocks (Schmeiser 1982; Flyvbjerg & Petersen 1989): four are
     as long as can be against the memory of the series, eight guard against four that are alike by chance.  The error of what
     cannot be known is infinite (no stretch), or nan as the mean is (nothing recorded, or nan among the values).
+
+    Parameters
+    ----------
+    times : (T,) [s], ascending
+    values : (T,) that hold from each time to the next
+    start, stop : [s], the whole series by default
+
+    Returns
+    -------
+    TimeAverage
+        Mean and its error, in the unit of the values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mcdem.analysis import time_average
+    >>> found = time_average(np.arange(9.0), [3.0, 5.0] * 4 + [3.0])
+    >>> found.mean
+    4.0
     """
     t, v = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
     if not len(t):
@@ -341,6 +379,8 @@ def find_steady_state(
 
     Parameters
     ----------
+    times : (T,) [s], ascending
+    series : by name, values (T,) that hold from each time to the next
     turnovers : (T,) aggregates born until then, over the number there is; not asked for when None
     largest_change : by name of a series, the relative difference of the halves to be ruled out; LARGEST_CHANGE for the rest
     """
@@ -405,7 +445,24 @@ def share_of_origins(chosen: ArrayLike, origin: ArrayLike) -> tuple[float, float
 
 
 def share(hits: int, count: int) -> tuple[float, float, float]:
-    """hits/count with its 95 % limits (Wilson 1927); (nan, 0, 1) of nothing."""
+    """hits/count with its 95 % limits (Wilson 1927); (nan, 0, 1) of nothing.
+
+    Parameters
+    ----------
+    hits, count : int
+        How many of how many.
+
+    Returns
+    -------
+    (float, float, float)
+        The share and its limits [-].
+
+    Examples
+    --------
+    >>> from mcdem.analysis import share
+    >>> [round(value, 3) for value in share(3, 20)]
+    [0.15, 0.052, 0.36]
+    """
     portion, low, high = shares(hits, count).tolist()
     return portion, low, high
 

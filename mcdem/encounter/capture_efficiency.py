@@ -74,10 +74,24 @@ def pair_efficiency(
 ) -> PairEfficiency:
     """eta_11 of two primaries of the scene, with its numerical error.
 
-    rays : even number of directions in the quarter circle
-    progress : called with where it stands, in words, and the share done
+    Parameters
+    ----------
+    scene : Scene
+        What is sheared; one radius.
+    rays : int
+        Even number of directions in the quarter circle.
+    progress : callable
+        Called with where it stands, in words, and the share done.
 
-    Raises `UserError` for a scene in which nothing can stick.
+    Returns
+    -------
+    PairEfficiency
+        eta_11 with its numerical error, both without a unit.
+
+    Raises
+    ------
+    UserError
+        Of a scene in which nothing can stick.
     """
     scene_at_door(scene)
     if whole_number("rays", rays, 2, 1000) % 2:
@@ -131,6 +145,23 @@ def critical_offset(scene: Scene, x0: float | str) -> float:
     0 if there is none.
 
     Found by bisection to 2e-5 a.  Raises `UserError` for x0 outside the circle of radius 2a.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is sheared.
+    x0 : float or str
+        Offset along the vorticity, a number in m or with a unit.
+
+    Returns
+    -------
+    float
+        y_c [m].
+
+    Raises
+    ------
+    UserError
+        Of x0 outside the circle of radius 2a.
     """
     scene_at_door(scene)
     radius = scene.suspension.radius
@@ -148,6 +179,26 @@ def van_de_ven_mason(scene: Scene, factor: float = 0.95) -> float:
     """eta_11 = f (A_H/36 pi mu g a^3)^0.18 (van de Ven & Mason 1977; Frungieri & Vanni 2021, Eq. 23).
 
     nan without attraction, and for primaries of several radii.  `factor` f is 0.95 for a London wavelength of 0.2 a.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a van der Waals attraction; of its flow the shear stress counts.
+    factor : float
+        f [-], 0.95 for a London wavelength of 0.2 a.
+
+    Returns
+    -------
+    float
+        eta_11 [-].
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.encounter import van_de_ven_mason
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> round(van_de_ven_mason(scene), 4)
+    0.0738
     """
     attraction = attraction_number(scene)
     holds = attraction > 0.0 and scene.suspension.radii is None
@@ -155,7 +206,26 @@ def van_de_ven_mason(scene: Scene, factor: float = 0.95) -> float:
 
 
 def attraction_number(scene: Scene) -> float:
-    """C_A = A_H/(36 pi mu g a^3), van der Waals attraction over the pull of the flow; 0 without attraction."""
+    """C_A = A_H/(36 pi mu g a^3), van der Waals attraction over the pull of the flow; 0 without attraction.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a van der Waals attraction, or without.
+
+    Returns
+    -------
+    float
+        C_A [-].
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.encounter import attraction_number
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> f"{attraction_number(scene):.2e}"
+    '6.86e-07'
+    """
     attraction = scene.effects.attraction
     if attraction is None:
         return 0.0
@@ -163,7 +233,28 @@ def attraction_number(scene: Scene) -> float:
 
 
 def initial_growth(scene: Scene, efficiency: float) -> float:
-    """d<P>/dt [1/s] of a suspension of primaries, (4/pi) eta_11 phi g (Frungieri & Vanni 2021, Eq. 22)."""
+    """d<P>/dt [1/s] of a suspension of primaries, (4/pi) eta_11 phi g (Frungieri & Vanni 2021, Eq. 22).
+
+    Parameters
+    ----------
+    scene : Scene
+        Of which the volume fraction and the shear rate count.
+    efficiency : float
+        eta_11 [-].
+
+    Returns
+    -------
+    float
+        Growth of the mean number of primaries [1/s].
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.encounter import initial_growth
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> round(initial_growth(scene, 0.0730), 4)
+    0.0929
+    """
     return 4.0 / math.pi * efficiency * scene.suspension.volume_fraction * scene.flow.equivalent_shear_rate
 
 

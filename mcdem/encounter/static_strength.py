@@ -23,6 +23,18 @@ def worst_loads(scene: Scene, aggregates: Sequence[Aggregate]) -> NDArray[np.flo
     nan for aggregates with floppy modes, and for single primaries.  Each is alone in the flow and turns freely; above 1 it
     breaks in some orientation.  Tensions are those of statics in a network that is rigid (Maxwell 1864; redundant bonds by
     their stiffness), loaded by the drag at the scene's level of hydrodynamics.
+
+    Parameters
+    ----------
+    scene : Scene
+        Whose flow, contacts and level of hydrodynamics are taken.
+    aggregates : sequence of Aggregate
+        A of them.
+
+    Returns
+    -------
+    (A,) array
+        [-].
     """
     scene_at_door(scene)
     aggregates = [Aggregate.at_door(scene, a, str(k)) for k, a in enumerate(aggregates)]

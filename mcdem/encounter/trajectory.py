@@ -237,7 +237,23 @@ OURS = {"scene", "outcome", "offset", "seed", "command", "source"}
 
 
 def read(path: Path | str) -> Trajectory:
-    """The trajectory that `write` wrote; raises `DataFileError` for any other file."""
+    """The trajectory that `write` wrote; raises `DataFileError` for any other file.
+
+    Parameters
+    ----------
+    path : path
+        File of `mcdem encounter --trajectory`, or of `export`.
+
+    Returns
+    -------
+    Trajectory
+        In SI units.
+
+    Raises
+    ------
+    DataFileError
+        Of any other file.
+    """
     with FILES.reading(path, EXPECTED):
         with xr.open_dataset(path, decode_times=False, mask_and_scale=False) as opened:
             data = opened.load()
@@ -347,7 +363,20 @@ def check(path: Path | str, *, overwrite: bool = True) -> None:
 
 
 def export(trajectory: Trajectory, path: Path | str) -> None:
-    """Write in the format that the name asks for: .nc, .xyz, or a folder of VTK files; raises `UserError`."""
+    """Write in the format that the name asks for: .nc, .xyz, or a folder of VTK files; raises `UserError`.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Of a `Recorder`, or of `read`.
+    path : path
+        Ends in .nc (AMBER), in .xyz (extended XYZ), or is a folder (VTK).
+
+    Raises
+    ------
+    UserError
+        Where no trajectory of this name may be written.
+    """
     path = Path(path)
     check(path)
     _writer(path)(trajectory, path)

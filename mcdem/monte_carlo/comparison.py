@@ -14,13 +14,47 @@ from mcdem.monte_carlo.record import ORIGIN_OF_THE_WRITING, TIMING, event_column
 
 
 def differences(one: Path | str, other: Path | str) -> list[str]:
-    """What distinguishes two datasets bit by bit, the machine's timing and the origin of the writing aside."""
+    """What distinguishes two datasets bit by bit, the machine's timing and the origin of the writing aside.
+
+    Parameters
+    ----------
+    one, other : path
+        Files that `mcdem run` wrote.
+
+    Returns
+    -------
+    list of str
+        A line each; empty where they record the same process.
+
+    Examples
+    --------
+    >>> from mcdem.monte_carlo import differences
+    >>> differences("notebooks/data/run-1250Pa.nc", "notebooks/data/run-1250Pa.nc")
+    []
+    """
     with opened(Path(one), Path(other)) as (a, b):
         return list(_differences(a, b, ""))
 
 
 def identical(one: Path | str, other: Path | str) -> bool:
-    """Whether two datasets record the same process, bit for bit."""
+    """Whether two datasets record the same process, bit for bit.
+
+    Parameters
+    ----------
+    one, other : path
+        Files that `mcdem run` wrote.
+
+    Returns
+    -------
+    bool
+        Whether there are none.
+
+    Examples
+    --------
+    >>> from mcdem.monte_carlo import identical
+    >>> identical("notebooks/data/run-1250Pa.nc", "notebooks/data/run-1250Pa.nc")
+    True
+    """
     return not differences(one, other)
 
 

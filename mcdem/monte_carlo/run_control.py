@@ -111,6 +111,7 @@ def run(
 
     Parameters
     ----------
+    scene : what is followed
     output : file to write; whole at every moment
     seed, until, events : instead of the scene's; the run ends at `until` (a number in s or with a unit) or after `events`
         encounters

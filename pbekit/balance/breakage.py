@@ -216,7 +216,23 @@ class BetaSplit(Daughters):
 
 
 def Binary(concentration: float = 30.0) -> BetaSplit:
-    """Two nearly equal halves (spread 1/sqrt(8 c + 4) in x)."""
+    """Two nearly equal halves (spread 1/sqrt(8 c + 4) in x).
+
+    Parameters
+    ----------
+    concentration : float
+        c [-]; the larger, the nearer the halves.
+
+    Returns
+    -------
+    Daughters
+        For `Breakage` and `CollisionalBreakup`.
+
+    Examples
+    --------
+    >>> from pbekit.balance import Binary
+    >>> daughters = Binary()
+    """
     return BetaSplit(concentration)
 
 
@@ -261,7 +277,25 @@ class TwoPeak(Daughters):
 
 
 def Erosion(fraction: float = 0.05, concentration: float = 60.0) -> TwoPeak:
-    """A small piece leaves a large one."""
+    """A small piece leaves a large one.
+
+    Parameters
+    ----------
+    fraction : float
+        Mass of the piece over that of the parent [-].
+    concentration : float
+        The larger, the narrower [-].
+
+    Returns
+    -------
+    Daughters
+        For `Breakage` and `CollisionalBreakup`.
+
+    Examples
+    --------
+    >>> from pbekit.balance import Erosion
+    >>> daughters = Erosion(fraction=0.1)
+    """
     return TwoPeak(fraction, concentration)
 
 

@@ -24,7 +24,30 @@ def _warn(message: str) -> None:
 
 
 def attraction_number(hamaker_constant: float, viscosity: float, shear_rate: float, radius: float) -> float:
-    """C_A = A_H / (36 pi mu g a^3): van der Waals attraction against shear [-]."""
+    """C_A = A_H / (36 pi mu g a^3): van der Waals attraction against shear [-].
+
+    Parameters
+    ----------
+    hamaker_constant : float
+        A_H [J].
+    viscosity : float
+        mu [Pa s].
+    shear_rate : float
+        g [1/s].
+    radius : float
+        a [m].
+
+    Returns
+    -------
+    float
+        C_A [-].
+
+    Examples
+    --------
+    >>> from pbekit.balance import attraction_number
+    >>> f"{attraction_number(0.97e-20, 0.1, 1e4, 500e-9):.2e}"
+    '6.86e-07'
+    """
     return hamaker_constant / (36 * np.pi * viscosity * shear_rate * radius**3)
 
 

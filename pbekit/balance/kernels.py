@@ -149,7 +149,20 @@ def evaluate(kernel: Kernel, cells: Cells) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Constant(Kernel):
-    """K(i, j) = K (Smoluchowski 1917)."""
+    """K(i, j) = K (Smoluchowski 1917).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pbekit
+    >>> from pbekit.balance import Constant
+    >>> grid = pbekit.Grid.primaries(64)
+    >>> balance = pbekit.PopulationBalance(grid, [pbekit.Aggregation(Constant(1.0))])
+    >>> number = pbekit.solve(balance, grid.monodisperse(1.0), [0.0, 2.0], rtol=1e-10).number.values[-1]
+    >>> exact = Constant(1.0).exact_discrete(grid.pivots[:20], 2.0, 1.0)
+    >>> bool(abs(number[:20] - exact).max() < 1e-8)
+    True
+    """
 
     rate: float
 
@@ -169,7 +182,20 @@ class Constant(Kernel):
 
 @dataclass(frozen=True)
 class Sum(Kernel):
-    """K(i, j) = b (m_i + m_j) (Golovin 1963)."""
+    """K(i, j) = b (m_i + m_j) (Golovin 1963).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pbekit
+    >>> from pbekit.balance import Sum
+    >>> grid = pbekit.Grid.primaries(64)
+    >>> balance = pbekit.PopulationBalance(grid, [pbekit.Aggregation(Sum(1.0))])
+    >>> number = pbekit.solve(balance, grid.monodisperse(1.0), [0.0, 0.3], rtol=1e-10).number.values[-1]
+    >>> exact = Sum(1.0).exact_discrete(grid.pivots[:20], 0.3, 1.0)
+    >>> bool(abs(number[:20] - exact).max() < 1e-8)
+    True
+    """
 
     rate: float
 
@@ -197,7 +223,20 @@ class Sum(Kernel):
 
 @dataclass(frozen=True)
 class Product(Kernel):
-    """K(i, j) = c m_i m_j (Flory 1941, Stockmayer 1943): gels when c M2(0) t = 1."""
+    """K(i, j) = c m_i m_j (Flory 1941, Stockmayer 1943): gels when c M2(0) t = 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pbekit
+    >>> from pbekit.balance import Product
+    >>> grid = pbekit.Grid.primaries(64)
+    >>> balance = pbekit.PopulationBalance(grid, [pbekit.Aggregation(Product(1.0))])
+    >>> number = pbekit.solve(balance, grid.monodisperse(1.0), [0.0, 0.2], rtol=1e-10).number.values[-1]
+    >>> exact = Product(1.0).exact_discrete(grid.pivots[:20], 0.2, 1.0)
+    >>> bool(abs(number[:20] - exact).max() < 1e-8)
+    True
+    """
 
     rate: float
 

@@ -57,7 +57,29 @@ def grid_for(
 ) -> Grid:
     """A grid for a table: its shape classes, sizes to twice the largest seen.
 
-    shapes : "table", None for one mean shape per size, or boundaries
+    Parameters
+    ----------
+    table : KernelTable
+        Whose sizes and shapes are covered.
+    exact_to : int
+        Largest size with a class of its own.
+    largest : int
+        Largest size; twice the largest seen by default.
+    shapes : str or array_like
+        "table", None for one mean shape per size, or boundaries.
+
+    Returns
+    -------
+    Grid
+        Of whole primaries.
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> from pbekit.estimated_rates import grid_for
+    >>> table = pbekit.open_table("notebooks/data/designed-1250Pa.nc")
+    >>> grid_for(table, exact_to=16).pivots[:16].tolist() == list(range(1, 17))
+    True
     """
     if not isinstance(table, KernelTable):
         raise PBEError(
@@ -79,7 +101,22 @@ def grid_for(
 
 
 def start_of(grid: Grid, table: KernelTable, volume_fraction: float | None = None) -> np.ndarray:
-    """(K,) free primaries at the volume fraction of the table's scene [1/m^3]."""
+    """(K,) free primaries at the volume fraction of the table's scene [1/m^3].
+
+    Parameters
+    ----------
+    grid : Grid
+        Of K cells.
+    table : KernelTable
+        Whose scene says radius and volume fraction.
+    volume_fraction : float
+        Instead of the scene's [-].
+
+    Returns
+    -------
+    (K,) array
+        [1/m^3].
+    """
     phi = table.about.get("volume_fraction") if volume_fraction is None else volume_fraction
     if phi is None:
         raise PBEError("the table does not say its volume fraction; give one")

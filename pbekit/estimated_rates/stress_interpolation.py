@@ -186,7 +186,29 @@ def stress_of(table: KernelTable) -> float:
 def interpolate(
     tables: Sequence[KernelTable], stress: float, grid: Grid | None = None, outcomes: str = "table"
 ) -> InterpolatedRates:
-    """The balance at `stress` [Pa] from the nearest of the tables below and above it; raises `PBEError` without them."""
+    """The balance at `stress` [Pa] from the nearest of the tables below and above it; raises `PBEError` without them.
+
+    Parameters
+    ----------
+    tables : sequence of KernelTable
+        Of two or more stresses.
+    stress : float
+        [Pa], between them.
+    grid : Grid
+        Of both by default.
+    outcomes : {"table", "smooth"}
+        Classes with the fitted law as prior, or the law alone.
+
+    Returns
+    -------
+    InterpolatedRates
+        From which balances are made.
+
+    Raises
+    ------
+    PBEError
+        Without tables on either side.
+    """
     arguments.stress(stress)
     known = sorted(tables, key=stress_of)
     lower = [table for table in known if stress_of(table) <= stress]

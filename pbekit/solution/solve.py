@@ -26,8 +26,43 @@ def integrate(
 ) -> np.ndarray:
     """(times, K + tail) states; the state is known at times[0].
 
-    atol : absolute tolerance on numbers, 1e-12 of the largest initial number by default
-    progress : called with the time reached
+    Parameters
+    ----------
+    balance : PopulationBalance
+        Of K cells, with a tail of what leaves the grid.
+    population : (K,) [1/m^3]
+        At times[0].
+    times : (T,) [s]
+        Ascending.
+    method : str
+        Integrator of scipy: LSODA, BDF, Radau, RK45, RK23, DOP853.
+    rtol : float
+        Relative tolerance.
+    atol : float
+        Absolute tolerance on numbers [1/m^3], 1e-12 of the largest initial number by default.
+    progress : callable
+        Called with the time reached.
+
+    Returns
+    -------
+    (T, K + tail) array
+        Numbers [1/m^3], then number and mass beyond the grid.
+
+    Raises
+    ------
+    PBEError
+        Of times that do not ascend, or arguments that cannot be meant.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pbekit
+    >>> from pbekit.balance import Constant
+    >>> grid = pbekit.Grid.primaries(64)
+    >>> balance = pbekit.PopulationBalance(grid, [pbekit.Aggregation(Constant(1.0))])
+    >>> states = pbekit.integrate(balance, grid.monodisperse(1.0), [0.0, 2.0], rtol=1e-10)
+    >>> round(float(states[-1, :64].sum()), 6)
+    0.5
     """
     balance_at_door(balance)
     arguments.method(method)
@@ -120,6 +155,35 @@ def solve(
 
     Numbers below zero, which an integrator leaves within its tolerance, are set to zero; `clipped_mass` says what
     that moved.  A long course that comes to rest is not followed further (`course`): `at_rest_from` says from when on.
+
+    Parameters
+    ----------
+    balance : PopulationBalance
+        Of K cells.
+    population : (K,) [1/m^3]
+        At times[0].
+    times : (T,)
+        Ascending, in `time_unit`.
+    time_unit : str
+        What times are in, for the labels of the dataset; rates are per the same.
+    **options : of `integrate`
+        method, rtol, atol, progress.
+
+    Returns
+    -------
+    xarray.Dataset
+        `number` (time, cell) with its moments, overflow and mass drift over `time`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pbekit
+    >>> from pbekit.balance import Constant
+    >>> grid = pbekit.Grid.primaries(64)
+    >>> balance = pbekit.PopulationBalance(grid, [pbekit.Aggregation(Constant(1.0))])
+    >>> course = pbekit.solve(balance, grid.monodisperse(1.0), np.linspace(0.0, 2.0, 3))
+    >>> course.mean_size.values.round(4).tolist()
+    [1.0, 1.5, 2.0]
     """
     states, rest = course(balance, population, times, **options)
     data = to_dataset(balance, states, np.asarray(times, float), time_unit)

@@ -63,10 +63,43 @@ def steady_state(
 ) -> SteadyState:
     """The steady state reached from `population` (which fixes the mass).
 
-    The edge must be "closed": mass that leaves the grid has no steady state.
-    time_scale : first time span to integrate; by default set by the initial rates
-    guess : a population near the steady state (of any mass); Newton is tried from it without integrating
-    tolerance : on the residual
+    Parameters
+    ----------
+    balance : PopulationBalance
+        With a closed edge: mass that leaves the grid has no steady state.
+    population : (K,) [1/m^3]
+        Where it starts, which fixes the mass.
+    time_scale : float
+        First time span to integrate [s]; by default set by the initial rates.
+    rtol : float
+        Relative tolerance of the integration.
+    tolerance : float
+        On the residual [-].
+    guess : (K,)
+        A population near the steady state, of any mass; Newton is tried from it without integrating.
+
+    Returns
+    -------
+    SteadyState
+        population (K,) [1/m^3], and how it depends on the rates.
+
+    Raises
+    ------
+    NotReachedError
+        Where there is none, with why.
+
+    Examples
+    --------
+    Aggregation at a constant rate against the breakage of every bond.
+
+    >>> import pbekit
+    >>> from pbekit.balance import Constant, PowerLawRate, Uniform
+    >>> grid = pbekit.Grid.primaries(128)
+    >>> events = [pbekit.Aggregation(Constant(1.0)), pbekit.Breakage(PowerLawRate(0.05, 1.0, 1.0), Uniform())]
+    >>> balance = pbekit.PopulationBalance(grid, events, edge="closed")
+    >>> found = pbekit.steady_state(balance, grid.monodisperse(1.0))
+    >>> bool(found.residual < 1e-11)
+    True
     """
     balance_at_door(balance)
     if balance.edge != "closed":

@@ -91,8 +91,25 @@ def compare_table(
 ) -> Comparison:
     """Balance with bands, Monte Carlo and analytical balance of one suspension.
 
-    draws : 19 or more, for the bands
-    until : [s], the run's end by default
+    Parameters
+    ----------
+    table : KernelTable
+        Encounters of one suspension.
+    run : MonteCarlo
+        Of the same scene, None without.
+    draws : int
+        19 or more, for the bands.
+    until : float
+        [s], the run's end by default.
+    seed : int
+        Of the draws.
+    progress : callable
+        Called with what is being done and the share that is done.
+
+    Returns
+    -------
+    Comparison
+        Datasets and numbers, in SI units.
 
     Raises
     ------
@@ -278,7 +295,22 @@ def _on_grid(per_size: np.ndarray, grid: Grid) -> np.ndarray:
 def volume_fractions(
     table: KernelTable, mean_size: float, factors: Sequence[float] = (0.25, 0.5, 1.0, 2.0, 4.0)
 ) -> xr.Dataset:
-    """Steady <P> against volume fraction: tabulated (breakup on encounter) and analytical (first order)."""
+    """Steady <P> against volume fraction: tabulated (breakup on encounter) and analytical (first order).
+
+    Parameters
+    ----------
+    table : KernelTable
+        Encounters of one suspension.
+    mean_size : float
+        Steady <P> that the analytical laws are given.
+    factors : sequence of float
+        Volume fractions over that of the table's scene [-].
+
+    Returns
+    -------
+    xarray.Dataset
+        Steady <P> of both over `volume_fraction` [-].
+    """
     estimated = EstimatedRates(table, grid_for(table))
     phi = float(table.about["volume_fraction"]) * np.asarray(factors)
     tabulated, first_order, laws, law_grid = [], [], None, estimated.grid

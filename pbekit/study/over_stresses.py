@@ -29,7 +29,18 @@ ANALYTICAL_Q = 2.0
 
 
 def efficiencies(tables: list[KernelTable]) -> xr.Dataset:
-    """eta_11 of each table with its interval, and Eq. 23, against stress."""
+    """eta_11 of each table with its interval, and Eq. 23, against stress.
+
+    Parameters
+    ----------
+    tables : list of KernelTable
+        One for each stress.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over `stress` [Pa], efficiencies [-] with their 90 % intervals.
+    """
     stress = np.array([stress_of(t) for t in tables])
     order = np.argsort(stress)
     counted = np.array([eta_11(tables[k]) for k in order])

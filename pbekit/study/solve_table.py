@@ -29,7 +29,30 @@ Progress = Callable[[str, float], None]
 
 
 def open_table(path: Path | str) -> KernelTable:
-    """The table of encounters in a file that `mcdem kernels` wrote; raises `PBEError` for anything else."""
+    """The table of encounters in a file that `mcdem kernels` wrote; raises `PBEError` for anything else.
+
+    Parameters
+    ----------
+    path : path
+        File of `mcdem kernels` or `mcdem.tabulate`.
+
+    Returns
+    -------
+    KernelTable
+        Encounters in classes.
+
+    Raises
+    ------
+    PBEError
+        Of anything else.
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> table = pbekit.open_table("notebooks/data/designed-1250Pa.nc")
+    >>> table.shear_rate, table.radius
+    (10000.0, 5e-07)
+    """
     if not isinstance(path, str | Path):
         raise PBEError(f"table: got {arguments.shown(path)}, expected the file of one")
     return KernelTable.load(path)

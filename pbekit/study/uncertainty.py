@@ -42,7 +42,28 @@ def draws_of(
     progress: Callable[[int], None] | None = None,
     scheme: str = "fixed pivot",
 ) -> xr.Dataset:
-    """`output` of posterior draws, stacked along `draw`; a draw that cannot be solved is an error, not left out."""
+    """`output` of posterior draws, stacked along `draw`; a draw that cannot be solved is an error, not left out.
+
+    Parameters
+    ----------
+    estimated : EstimatedRates or InterpolatedRates
+        From which rates are drawn.
+    output : callable
+        What is asked of a balance: a mapping of names to arrays.
+    draws : int
+        How many.
+    seed : int
+        Of the draws.
+    progress : callable
+        Called with how many are done.
+    scheme : str
+        "fixed pivot" or "cell average".
+
+    Returns
+    -------
+    xarray.Dataset
+        Each output, stacked along `draw`.
+    """
     whole_number("draws", draws, 1, MOST_DRAWS)
     whole_number("seed", seed, 0, LARGEST_SEED)
     rows = []
@@ -60,7 +81,31 @@ def draws_of(
 def band(draws: np.ndarray, level: float = LEVEL, axis: int = 0) -> np.ndarray:
     """(2, ...) limits that hold the middle `level` of the draws; a further draw lies between them as often.
 
-    Raises `PBEError` for fewer draws than `least_draws`.
+    Parameters
+    ----------
+    draws : (D, ...) array
+        Along `axis`.
+    level : float
+        Of the band [-].
+    axis : int
+        Of the draws.
+
+    Returns
+    -------
+    (2, ...) array
+        Lower and upper limits.
+
+    Raises
+    ------
+    PBEError
+        For fewer draws than `least_draws`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pbekit.study import band
+    >>> band(np.arange(1.0, 20.0)).tolist()
+    [1.0, 19.0]
     """
     number("level", level, 0.0, 0.9999)
     draws = np.asarray(draws, float)

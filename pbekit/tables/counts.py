@@ -13,6 +13,24 @@ def share_interval(count: int, trials: int, level: float = LEVEL) -> tuple[float
 
     Its mean coverage is near `level` down to a few trials; for no count it starts at 0, for all it ends at 1, and without
     trials it is 0 to 1.
+
+    Parameters
+    ----------
+    count, trials : int
+        How many of how many.
+    level : float
+        Of the interval [-].
+
+    Returns
+    -------
+    (float, float)
+        Its ends [-].
+
+    Examples
+    --------
+    >>> from pbekit.tables import share_interval
+    >>> [round(value, 3) for value in share_interval(0, 10, 0.9)]
+    [0.0, 0.213]
     """
     if trials == 0:
         return 0.0, 1.0
@@ -26,7 +44,26 @@ def share_limit(trials: int, level: float = 0.95) -> float:
 
 
 def count_interval(count: int, level: float = LEVEL) -> tuple[float, float]:
-    """Interval of an expected number of which `count` came (Poisson; Garwood 1936): exact, hence on the safe side."""
+    """Interval of an expected number of which `count` came (Poisson; Garwood 1936): exact, hence on the safe side.
+
+    Parameters
+    ----------
+    count : int
+        How many came.
+    level : float
+        Of the interval [-].
+
+    Returns
+    -------
+    (float, float)
+        Its ends.
+
+    Examples
+    --------
+    >>> from pbekit.tables import count_interval
+    >>> [round(value, 2) for value in count_interval(4, 0.95)]
+    [1.09, 10.24]
+    """
     tail = 0.5 * (1.0 - level)
     low = 0.0 if count == 0 else float(stats.chi2.ppf(tail, 2 * count) / 2)
     return low, float(stats.chi2.ppf(1.0 - tail, 2 * count + 2) / 2)

@@ -116,12 +116,12 @@ def test_command_films_a_real_encounter(tmp_path):
     assert refused.exit_code == 2 and "--overwrite" in refused.output
 
 
-README = (SCENES.parent / "README.md").read_text()
+GALLERY = (SCENES.parent / "docs/gallery.md").read_text()
 
 
 def filmed():
-    """What README's film is of: options of its command, scene and rods."""
-    (line,) = re.findall(r"<!-- film -->\n```bash\nmcdem (.*)\n```", README)
+    """What the gallery's film is of: options of its command, scene and rods."""
+    (line,) = re.findall(r"<!-- film -->\n```bash\nmcdem (.*)\n```", GALLERY)
     command = typer.main.get_command(app).commands["encounter"]
     given = command.make_context("encounter", shlex.split(line)[1:]).params
     scene = load_scene(SCENES.parent / given["scene"])
@@ -131,10 +131,10 @@ def filmed():
 
 @pytest.mark.parametrize(("displaced", "times"), [(1e-4, 1), pytest.param(1e-4, 12, marks=pytest.mark.slow)])
 def test_the_films_outcome_is_not_left_to_round_off(displaced, times):
-    """It is as README says, wherever the primaries are within a ten-thousandth of a radius."""
+    """It is as the gallery says, wherever the primaries are within a ten-thousandth of a radius."""
     given, scene, rods = filmed()
     radius, rng = scene.suspension.radius, np.random.default_rng(times)
-    (said,) = re.findall(r"Two rods of (\d+) and (\d+) primaries .* breaks into (\d+) and (\d+)\.", README)
+    (said,) = re.findall(r"Two rods of (\d+) and (\d+) primaries .* breaks into (\d+) and (\d+)\.", GALLERY)
     whole, broken, large, small = map(int, said)
     assert [rod.size for rod in rods] == [whole, broken]
     offset = [float(text.removesuffix(" nm")) * 1e-9 for text in given["offset"]]
@@ -156,13 +156,13 @@ def test_the_films_outcome_is_not_left_to_round_off(displaced, times):
 
 
 def test_the_films_rods_are_rigid_and_its_command_holds():
-    """README's film: the command's options are known, its clusters free contacts of 3P - 6 bonds."""
+    """The gallery's film: the command's options are known, its clusters free contacts of 3P - 6 bonds."""
     given, scene, rods = filmed()
     for rod in rods:
         assert len(rod.bonds) == 3 * rod.size - 6
         assert morphology(rod.positions, rod.bonds, scene.suspension.radius)["floppy_modes"] == 0
     shown = SCENES.parent / "docs" / given["film"]
-    assert f'src="docs/{given["film"]}"' in README
+    assert f"{{image}} {given['film']}\n" in GALLERY
     assert shown.stat().st_size < 2_500_000
     # A clone is as it was after the command.
     assert f"/{given['film']}" in (SCENES.parent / ".gitignore").read_text().splitlines()

@@ -31,11 +31,14 @@ def test_notebook_is_stored_clean(path):
 def test_notebook_runs(path, monkeypatch):
     nbclient = pytest.importorskip("nbclient", reason="nbclient is not installed")
     pytest.importorskip("ipykernel", reason="ipykernel is not installed")
+    from docs.notebooks import keep
+
     monkeypatch.setenv("PYTHONPATH", str(path.parent.parent))
     notebook = nbformat.read(path, as_version=4)
     nbclient.NotebookClient(
         notebook, timeout=1200, kernel_name="python3", resources={"metadata": {"path": str(path.parent)}}
     ).execute()
+    keep(path, notebook)  # for the gallery of the manual
     assert any(
         output.output_type != "stream" for cell in notebook.cells for output in cell.get("outputs", [])
     )

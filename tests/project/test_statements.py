@@ -12,7 +12,7 @@ from pbekit.tables.kernel_table import SOURCES, KernelTable
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "notebooks" / "data"
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+VALIDATION = (ROOT / "docs/validation.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -59,13 +59,13 @@ def test_prose_counts_no_encounters_of_data_that_may_be_made_anew(path):
 
 
 def quoted(start):
-    """The cell "here" of a row of README's table against the paper."""
-    (row,) = [line for line in README.splitlines() if line.startswith(f"| {start}")]
+    """The cell "here" of a row of the manual's table against the paper."""
+    (row,) = [line for line in VALIDATION.splitlines() if line.startswith(f"| {start}")]
     return row.split("|")[3].strip()
 
 
 @pytest.mark.slow
-def test_the_readme_quotes_what_the_comparison_says(runs):
+def test_the_manual_quotes_what_the_comparison_says(runs):
     groups = by_stress(run for name, run in runs.items() if name.startswith("run-"))
     rows = {row.quantity: row for row in compare(groups[1000.0])}
     words = {"length": "P on length", "size": "length on P"}[JUDGED_REGRESSION]
@@ -110,7 +110,7 @@ def test_the_readme_quotes_what_the_comparison_says(runs):
     assert float(said[1]) == round(at_750.average("mean_size").mean, 1)
     assert int(said[2]) == np.quantile(sizes, 0.95)
     assert int(said[3]) == sizes.max()
-    (balance,) = re.findall(r"where the runs have ([\d., and]+?) \(a second", README)
+    (balance,) = re.findall(r"where the runs have ([\d., and]+?) \(a second", VALIDATION)
     measured = [runs[name].average("mean_size").mean for name in (
         "run-750Pa-of-100.nc", "run-875Pa-of-100.nc", "run-1000Pa.nc", "run-1250Pa.nc", "run-1500Pa-of-100.nc")]  # fmt: skip
     assert [float(number) for number in re.findall(r"\d+\.\d", balance)] == [

@@ -30,6 +30,8 @@ PLACES = (
     "README.md",
     "CONTRIBUTING.md",
     "CHANGELOG.md",
+    "CODE_OF_CONDUCT.md",
+    "paper",
 )
 PROSE = {".py", ".pyi", ".md", ".toml", ".ipynb", ".j2", ".sbatch"}
 

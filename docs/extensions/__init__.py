@@ -1,0 +1,1 @@
+"""What the manual needs of Sphinx beyond what Sphinx has: one part a file."""
