@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.aggregates.morphology import aspect_ratio, second_moments, semi_axes
 from mcdem.analysis.dataset import RunDataset
-from mcdem.analysis.similarity import COHESION, groups
+from mcdem.analysis.similarity import COHESION, groups, sensitivities
 from mcdem.encounter.simulate import EncounterResult, simulate_encounter
 from mcdem.errors import DataFileError, MachineWarning, UserError
 from mcdem.monte_carlo import executors
@@ -429,6 +429,7 @@ def tabulate(
     aggregates_only: bool = False,
     shape: str = "aspect ratio",
     shapes: int = 3,
+    sensitivity: Path | str | None = None,
     seed: int | None = None,
     executor: Executor | None = None,
     resume: bool = False,
@@ -448,6 +449,7 @@ def tabulate(
     error : stop as soon as the relative standard error of the steady <P> is below
     primaries : designed encounters are of two primaries until the table holds so many of these, for eta_11 and growth
     aggregates_only : draw aggregates from the runs but do not re-use their events (they are of other physics)
+    sensitivity : table that `mcdem sensitivity` wrote, of which the table keeps how outcomes go with dimensionless groups
     shape, shapes : second coordinate of the classes (see `pbekit.tables.kernel_table.SHAPES`) and how many classes it has
     seed : of the designed encounters, instead of the scene's
     executor : computes them: anything with the contract of `concurrent.futures.Executor`; the table is the same
@@ -475,6 +477,9 @@ def tabulate(
         with interruption.allowed(), endings.keeping("nothing was computed, nothing written"):
             reused = Records.join([] if aggregates_only else [records_of_run(run) for run in opened])
             base = _classes(scene, opened, reused, shape, shapes, seed)
+            if sensitivity is not None:
+                powers = json.dumps(sensitivities(scene, sensitivity))
+                base = replace(base, about={**base.about, "sensitivities": powers})
             designed, machines = (
                 _designed(path, base) if resume and path.exists() else (Records.empty(), Machines())
             )

@@ -12,10 +12,13 @@ of it at other conditions.
 
 from __future__ import annotations
 
+import csv
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from mcdem.effects.kinds import ContactLaw, PairForce, Resistance
+from mcdem.errors import UserError
 from mcdem.quantities.reduced_units import ReducedUnits
 
 if TYPE_CHECKING:
@@ -111,3 +114,63 @@ def unlike(one: Scene, other: Scene, tolerance: float = 1e-9) -> list[str]:
         elif not math.isclose(a.value, b.value, rel_tol=tolerance, abs_tol=1e-300):
             found.append(f"{name} {a.value:.6g} and {b.value:.6g}")
     return sorted(found)
+
+
+def sensitivities(scene: Scene, path: Path | str) -> dict[str, dict[str, float]]:
+    """How outcomes go with each group: d ln(outcome)/d ln(group), from what `mcdem sensitivity` wrote (.csv).
+
+    Of each key of the scene whose change moved one group alone (and what is the same power of it); of outcomes that moved by
+    more than two standard errors.  Where a key has several values, the one that moves the group least counts.
+
+    Parameters
+    ----------
+    scene : that the sensitivities are of
+    path : table of `mcdem sensitivity`
+
+    Raises
+    ------
+    UserError : of a file that is no such table
+    """
+    try:
+        with Path(path).open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError) as problem:
+        raise UserError(
+            f"{path}: cannot be read ({problem}); expected the table that mcdem sensitivity wrote"
+        ) from None
+    if not rows or not {"setting", "quantity", "as_given", "changed", "standard_error"} <= rows[0].keys():
+        raise UserError(f"{path}: no table of sensitivities; expected the .csv that mcdem sensitivity wrote")
+    own, moved = groups(scene), dict[str, tuple[str, float] | None]()
+    found: dict[str, dict[str, float]] = {}
+    nearest: dict[tuple[str, str], float] = {}
+    for row in rows:
+        setting = row["setting"]
+        if setting not in moved:
+            moved[setting] = _moved(scene, own, setting)
+        group = moved[setting]
+        given, changed, error = (float(row[c]) for c in ("as_given", "changed", "standard_error"))
+        if group is None or given <= 0 or changed <= 0 or abs(changed - given) <= 2 * error:
+            continue
+        name, log_ratio = group
+        at = (name, row["quantity"])
+        if abs(log_ratio) < nearest.get(at, math.inf):
+            nearest[at] = abs(log_ratio)
+            found.setdefault(name, {})[row["quantity"]] = math.log(changed / given) / log_ratio
+    return found
+
+
+def _moved(scene: Scene, own: dict[str, Group], setting: str) -> tuple[str, float] | None:
+    """The group that a setting `key = value` moves, and the logarithm of its ratio; None where it moves none or several."""
+    key, _, text = setting.partition(" = ")
+    if not text or text == "none" or key.partition(".")[0] != "effects":
+        return None
+    there = groups(scene.with_changes({key: text}))
+    ratios = {
+        name: math.log(there[name].value / group.value)
+        for name, group in own.items()
+        if name in there and group.value and there[name].value / group.value > 0
+    }
+    ratios = {name: ratio for name, ratio in ratios.items() if abs(ratio) > 1e-9}
+    if not ratios or len({own[name][1:] for name in ratios}) > 1:
+        return None
+    return next(iter(ratios.items()))

@@ -65,6 +65,14 @@ def kernels(
         typer.Option(help='Second coordinate: "aspect ratio", "outer radius" or "radius of gyration".'),
     ] = "aspect ratio",
     shapes: Annotated[int, typer.Option(min=1, max=20, help="Classes of shape; 1 for sizes alone.")] = 3,
+    sensitivity: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="CSV",
+            help="What `mcdem sensitivity` wrote: the table keeps how outcomes go with the groups of the scene, for its use "
+            "at other conditions.",
+        ),
+    ] = None,
     seed: Seed = None,
     workers: Workers = None,
     executor: Kind = ExecutorKind.process,
@@ -120,6 +128,7 @@ def kernels(
                 aggregates_only=aggregates_only,
                 shape=shape,
                 shapes=shapes,
+                sensitivity=sensitivity,
                 seed=seed,
                 executor=crew.executor,
                 resume=resume,

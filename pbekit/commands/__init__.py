@@ -27,3 +27,17 @@ FigureFolder = Annotated[
         help="Folder for figures and numbers; those drawn before are replaced.",
     ),
 ]
+Radius = Annotated[
+    float | None,
+    typer.Option(
+        help="Radius of primaries [m] at which a table of the same groups is used; the table's by default."
+    ),
+]
+Viscosity = Annotated[float | None, typer.Option(help="Viscosity [Pa s], likewise; the table's by default.")]
+ShearRate = Annotated[float | None, typer.Option(help="Shear rate [1/s], likewise; the table's by default.")]
+Cohesion = Annotated[
+    float | None,
+    typer.Option(
+        help="Cohesion number 6 pi mu a^2 g/F_adh of your contacts; by default that of the table's material there."
+    ),
+]

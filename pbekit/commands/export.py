@@ -9,7 +9,7 @@ import typer
 
 from pbekit import arguments
 from pbekit.arguments import DENSEST, LARGEST_SEED, MOST_EXACT
-from pbekit.commands import Draws, Table
+from pbekit.commands import Cohesion, Draws, Radius, ShearRate, Table, Viscosity
 from pbekit.export.menu import TARGETS
 from pbekit.program import checked
 
@@ -25,6 +25,10 @@ def export(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write to; made if not there.")
     ],
+    radius: Radius = None,
+    viscosity: Viscosity = None,
+    shear_rate: ShearRate = None,
+    cohesion: Cohesion = None,
     volume_fraction: Annotated[
         float | None,
         typer.Option(
@@ -62,15 +66,22 @@ def export(
     from pbekit.export.menu import target
     from pbekit.export.write import exported_report
     from pbekit.progress import ProgressBar
+    from pbekit.study.solve_table import open_table
+    from pbekit.tables.similarity import elsewhere
 
     target(to)
+    table, conditions = open_table(kernels), None
+    if any(given is not None for given in (radius, viscosity, shear_rate, cohesion)):
+        conditions = elsewhere(table, radius, viscosity, shear_rate, cohesion)
     with ProgressBar("pbekit export") as progress:
         done = export_table(
-            kernels,
+            table,
             to,
             output,
             overwrite=overwrite,
             progress=progress,
+            source=kernels.name,
+            conditions=conditions,
             draws=draws,
             seed=seed,
             until=until,

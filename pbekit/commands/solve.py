@@ -20,6 +20,7 @@ from pbekit.arguments import (
     SCHEMES,
     least_draws,
 )
+from pbekit.commands import Cohesion, Radius, ShearRate, Viscosity
 from pbekit.program import checked
 
 
@@ -45,24 +46,10 @@ def solve(
             help="Shear stress [Pa] to interpolate to, between those of two tables.",
         ),
     ] = None,
-    radius: Annotated[
-        float | None,
-        typer.Option(
-            help="Radius of primaries [m] at which a table of the same groups is used; the table's by default."
-        ),
-    ] = None,
-    viscosity: Annotated[
-        float | None, typer.Option(help="Viscosity [Pa s], likewise; the table's by default.")
-    ] = None,
-    shear_rate: Annotated[
-        float | None, typer.Option(help="Shear rate [1/s], likewise; the table's by default.")
-    ] = None,
-    cohesion: Annotated[
-        float | None,
-        typer.Option(
-            help="Cohesion number 6 pi mu a^2 g/F_adh of your contacts; by default that of the table's material there."
-        ),
-    ] = None,
+    radius: Radius = None,
+    viscosity: Viscosity = None,
+    shear_rate: ShearRate = None,
+    cohesion: Cohesion = None,
     volume_fraction: Annotated[
         float | None,
         typer.Option(

@@ -26,12 +26,14 @@ class HandOver:
     rates, laws : of the table
     solution : of the balance on one shape per size, with bands (`solve_table`): what a solver should come to
     source : name of the table's file, for the reader
+    assumed : lines on what is assumed where the conditions are not the table's
     """
 
     rates: SizeRates
     laws: FittedLaws
     solution: xr.Dataset
     source: str
+    assumed: tuple[str, ...] = ()
 
     @property
     def shear_rate(self) -> float:

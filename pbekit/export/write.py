@@ -18,6 +18,7 @@ from pbekit.study.fitted_laws import fitted_laws
 from pbekit.study.size_rates import size_rates
 from pbekit.study.solve_table import open_table, solve_table
 from pbekit.tables.kernel_table import KernelTable
+from pbekit.tables.similarity import Conditions, at_conditions
 
 TABLES = Kind("table of pbekit export", (b"class,", b"class_i,", b"time [s],mean_size"), (b"[1]",))
 MARKED = Kind("file of pbekit export", (b"",), (MARK.encode(),))
@@ -42,6 +43,8 @@ class Exported:
 def hand_over(
     table: KernelTable | Path | str,
     *,
+    source: str | None = None,
+    conditions: Conditions | None = None,
     draws: int = 60,
     seed: int = 0,
     until: float = 300.0,
@@ -55,6 +58,8 @@ def hand_over(
     Parameters
     ----------
     table : of encounters, or its file
+    source : what the table is called on the page; its file's name by default
+    conditions : other than the table's, of the same cohesion number
     draws : posterior draws for all limits and bands
     until : end of the course [s]
     volume_fraction : of primaries; that of the table's scene by default
@@ -62,8 +67,12 @@ def hand_over(
     progress : called with what is being done and the share of all that is done
     """
     report = progress or (lambda what, share: None)
-    source = "the table" if isinstance(table, KernelTable) else Path(table).name
+    if source is None:
+        source = "the table" if isinstance(table, KernelTable) else Path(table).name
     opened = table if isinstance(table, KernelTable) else open_table(table)
+    assumed: list[str] = []
+    if conditions is not None:
+        (opened, *_), _, assumed = at_conditions([opened], conditions)
     rates = size_rates(
         opened,
         draws=draws,
@@ -86,7 +95,7 @@ def hand_over(
         largest=largest,
         progress=lambda what, share: report(what, 0.5 + 0.5 * share),
     )
-    return HandOver(rates, laws, solution, source)
+    return HandOver(rates, laws, solution, source, tuple(assumed))
 
 
 def export_table(
@@ -225,6 +234,8 @@ def page(name: str, chosen: Target, given: HandOver, files: list[str]) -> str:
             lines.append(
                 f"| {law} | {formula} | {100 * record['largest_residual']:.2g} % | {record['largest_residual_of']} |"
             )
+    if given.assumed:
+        lines += ["", "## Other conditions than the table's", "", *(f"- {text}" for text in given.assumed)]
     lines += ["", f"## What {name} cannot represent", "", *(f"- {text}" for text in chosen.cannot)]
     lines += ["", "## How to check", "", chosen.check, ""]
     return "\n".join(lines)

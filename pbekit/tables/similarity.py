@@ -202,7 +202,7 @@ def _assumed(table: KernelTable, conditions: Conditions, cohesion: float) -> lis
         factor = after[name].value / group.value if group.value else 1.0
         # What goes with N, or with a group that was named, says nothing new.
         inverse = (-group.radius, -group.stress)
-        if abs(factor - 1) <= SAME or {group[1:], inverse} & seen:
+        if abs(factor - 1) <= SAME or (name not in slopes and {group[1:], inverse} & seen):
             continue
         seen.add(group[1:])
         line = f"{name} would be {after[name].value:.4g}, the table has {group.value:.4g} and is used with it"

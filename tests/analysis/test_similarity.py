@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mcdem import load_scene, simulate_encounter
-from mcdem.analysis.similarity import groups, unlike
+from mcdem.analysis.similarity import groups, sensitivities, unlike
+from mcdem.errors import UserError
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -92,3 +93,22 @@ def test_groups_are_powers_of_radius_and_stress(scene):
         -3,
         -1,
     )
+
+
+def test_sensitivities_are_powers_of_the_groups_that_a_key_moves(scene, tmp_path):
+    """A key that moves one group alone; outcomes that moved by more than two standard errors; of two values the nearer."""
+    lines = [
+        "setting,key,quantity,as_given,changed,difference,standard_error",
+        "effects.van_der_waals.london_wavelength = 200 nm,x,eta_11,0.1,0.2,0.1,0.0",
+        "effects.van_der_waals.london_wavelength = 400 nm,x,eta_11,0.1,0.8,0.7,0.0",
+        "effects.van_der_waals.london_wavelength = 200 nm,x,missed,0.5,0.51,0.01,0.1",
+        "effects.van_der_waals.london_wavelength = none,x,eta_11,0.1,0.3,0.2,0.0",
+        "effects.jkr.surface_energy = 5e-3 J/m^2,x,eta_11,0.1,0.2,0.1,0.0",
+        "numerics.rotations = 1,x,eta_11,0.1,0.2,0.1,0.0",
+    ]
+    (tmp_path / "s.csv").write_text("\n".join(lines))
+    found = sensitivities(scene, tmp_path / "s.csv")
+    # The wavenumber goes with the inverse of the wavelength; the surface energy moves force, indentation and more.
+    assert found == {"van_der_waals.wavenumber": {"eta_11": pytest.approx(-1.0)}}
+    with pytest.raises(UserError, match="mcdem sensitivity"):
+        sensitivities(scene, SCENES / "quickstart.toml")

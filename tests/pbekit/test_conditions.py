@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from pbekit import Conditions, KernelTable, PBEError, solve_table
 from pbekit.commands.main import app
+from pbekit.export import export_table, hand_over
 from pbekit.tables.similarity import at_conditions, groups_at, rescaled
 
 LARGEST, PHI, VISCOSITY = 12, 1e-2, 2.0
@@ -89,3 +90,17 @@ def test_the_command_takes_conditions(tmp_path):
     assert done.exit_code == 0 and "assumed: N = 0.4" in done.output, done.output
     refused = CliRunner().invoke(app, [*call, "--radius", str(RADIUS / 2), "--overwrite"])
     assert refused.exit_code == 2 and "keeps it for the table's material" in refused.output
+
+
+def test_an_export_at_other_conditions_has_their_rates(tmp_path):
+    """K goes with a^3 g; the page says what is assumed."""
+    there = Conditions(RADIUS / 2, VISCOSITY, 2 * SHEAR_RATE)
+    options = {"draws": 19, "until": 20.0, "exact_to": LARGEST, "largest": LARGEST}
+    table = table_of(0.4)
+    here = hand_over(table, **options)
+    moved = hand_over(table, conditions=there, **options)
+    np.testing.assert_allclose(
+        4 * moved.rates.aggregation_rate.value, here.rates.aggregation_rate.value, rtol=1e-9
+    )
+    export_table(moved, "csv", tmp_path)
+    assert "van_der_waals.minimum_approach would be" in (tmp_path / "README.md").read_text()
