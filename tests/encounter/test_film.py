@@ -125,7 +125,7 @@ def filmed():
     command = typer.main.get_command(app).commands["encounter"]
     given = command.make_context("encounter", shlex.split(line)[1:]).params
     scene = load_scene(SCENES.parent / given["scene"])
-    rods = [aggregate_of(scene, one, str(SCENES.parent / given[one])) for one in ("first", "second")]
+    rods = [aggregate_of(scene, str(SCENES.parent / given[one]), one) for one in ("first", "second")]
     return given, scene, rods
 
 

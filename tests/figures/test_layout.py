@@ -87,7 +87,7 @@ def test_rows_of_settings_keep_their_names_apart(count, tmp_path, monkeypatch):
         monkeypatch.setattr(module.FILES, "write_picture", lambda path, figure: kept.append(figure))
     settings = settings_of(load_scene(SCENES / "paper-1000Pa.toml"))[:count]
     cost.draw_front(prices(settings, 1), tmp_path / "cost.png", "paper-1000Pa", 100)
-    keys = [Setting("as given", "as given"), *(Setting(f"{s.name} too", s.knob) for s in settings[1:])]
+    keys = [Setting("as given", "as given"), *(Setting(f"{s.name} too", s.varied) for s in settings[1:])]
     sensitivity.draw_differences(differences(keys, 60), tmp_path / "sensitivity.png", "paper-1000Pa")
     with look():
         assert [overlaps(figure) for figure in kept] == [[], []]
