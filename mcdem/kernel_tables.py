@@ -158,6 +158,12 @@ def into_atlas(scene: Scene, runs: Sequence[Path | str], path: Path | str) -> At
     ------
     UserError : of runs of another scene
     DataFileError : of an atlas of other groups than the scene's, or one that holds a run already
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/paper-750Pa.toml")
+    >>> mcdem.into_atlas(scene, ["notebooks/data/run-750Pa.nc"], "my-atlas.nc")  # doctest: +SKIP
     """
     path = Path(path)
     if path.suffix != ".nc":

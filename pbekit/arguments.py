@@ -61,8 +61,23 @@ def stress(given: object, name: str = "stress") -> float:
     return number(name, given, 1e-12, 1e12, "a shear stress in Pa")
 
 
+def _seconds(given: str, name: str) -> float:
+    """A text with a unit of time, or a number of seconds."""
+    import pint
+
+    try:
+        return float(given)
+    except ValueError:
+        try:
+            return float(pint.Quantity(given).to("s").magnitude)
+        except (pint.PintError, TypeError, ValueError, AttributeError):
+            raise PBEError(f'{named(name, given)}: expected a time such as "10 s"') from None
+
+
 def until(given: object, name: str = "until") -> float:
-    """A time [s] to stop at; raises `PBEError`."""
+    """A time [s] to stop at, a number in s or a text with a unit, such as "10 s"; raises `PBEError`."""
+    if isinstance(given, str):
+        given = _seconds(given, name)
     if not isinstance(given, Real) or isinstance(given, bool) or not 0.0 < float(given) <= LONGEST_TIME:
         raise PBEError(
             f"{named(name, given)}: expected a time above 0 and up to {LONGEST_TIME:g}, in seconds"

@@ -31,7 +31,7 @@ from mcdem.figures.style import (
 def percent(value: float, low: float, high: float) -> str:
     """A share in per cent with its limits, to the digits that these call for; where none was seen, what it is below."""
     if value == 0.0:
-        return f"none seen, below {high:.1g} %"
+        return f"below {high:.1g} %"
     digits = max(0, -math.floor(math.log10(max(high - low, 1e-3) / 2.0)))
     return f"{value:.{digits}f} % [{low:.{digits}f}, {high:.{digits}f}]"
 

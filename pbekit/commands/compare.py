@@ -21,10 +21,11 @@ def compare(
         typer.Option("--run", metavar="RUN", help="Dataset of `mcdem run` of the same scene; one per table."),
     ] = None,
     until: Annotated[
-        float | None,
+        str | None,
         typer.Option(
+            metavar="TIME",
             callback=checked(lambda time: arguments.until(time, "--until")),
-            help="Time to stop at [s]; the run's end by default.",
+            help='Time to stop at, such as "10 s"; the run\'s end by default.',
         ),
     ] = None,
     draws: Draws = 60,
@@ -40,6 +41,7 @@ def compare(
     from pbekit.study.report import comparison_report
     from pbekit.study.solve_table import open_table
 
+    stop = None if until is None else arguments.until(until, "--until")
     tables = [open_table(k) for k in kernels]
     own = run_of_each(tables, [MonteCarlo.read(r) for r in runs or []])
     steady: dict[float, tuple[float, float]] = {}
@@ -47,7 +49,7 @@ def compare(
         for file, table, run in zip(kernels, tables, own, strict=True):
             kept = f"{output} holds the figures of the tables before it; the same command begins again"
             with ProgressBar(f"pbekit compare {file.name}") as progress, endings.keeping(kept):
-                result = compare_table(table, run, draws, until, seed, progress)
+                result = compare_table(table, run, draws, stop, seed, progress)
             left_out = figures.draw_comparison(result, output / file.name.removesuffix(".nc"))
             if run is not None and run.is_steady:
                 steady[float(table.about.get("shear_stress", float("nan")))] = run.steady["mean_size"]

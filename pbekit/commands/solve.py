@@ -33,11 +33,13 @@ def solve(
     ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Dataset to write.")],
     until: Annotated[
-        float,
+        str,
         typer.Option(
-            callback=checked(lambda time: arguments.until(time, "--until")), help="Time to stop at [s]."
+            metavar="TIME",
+            callback=checked(lambda time: arguments.until(time, "--until")),
+            help='Time to stop at, such as "10 s".',
         ),
-    ] = 300.0,
+    ] = "300 s",
     samples: Annotated[int, typer.Option(min=2, max=10**6, help="Times to keep.")] = 201,
     stress: Annotated[
         float | None,
@@ -118,7 +120,7 @@ def solve(
                 exact_to=exact_to,
                 largest=largest,
                 progress=progress,
-                until=until,
+                until=arguments.until(until, "--until"),
                 samples=samples,
                 draws=draws,
                 scheme=scheme,

@@ -118,7 +118,7 @@ def compare_table(
     arguments.draws(draws)
     arguments.whole_number("seed", seed, 0, arguments.LARGEST_SEED)
     if until is not None:
-        arguments.until(until)
+        until = arguments.until(until)
     report = progress or (lambda what, share: None)
     if run is not None and run.scene and table.about.get("scene"):
         differs = other_tables(run.scene, str(table.about["scene"]))

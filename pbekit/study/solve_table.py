@@ -62,7 +62,7 @@ def open_table(path: Path | str) -> KernelTable:
 class Options:
     """How a table is solved.
 
-    until [s], samples : times kept, from 0 on
+    until [s, or text such as "10 s"], samples : times kept, from 0 on
     draws : posterior draws for the bands, 0 for none
     scheme : "fixed pivot" or "cell average"; method : integrator of scipy
     outcomes : "table" (classes, with the fitted law as prior) or "smooth" (the law alone)
@@ -77,7 +77,7 @@ class Options:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        arguments.until(self.until)
+        object.__setattr__(self, "until", arguments.until(self.until))
         arguments.whole_number("samples", self.samples, 2, 10**6)
         arguments.draws(self.draws, none=True)
         arguments.whole_number("seed", self.seed, 0, arguments.LARGEST_SEED)

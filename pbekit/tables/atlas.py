@@ -128,7 +128,15 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """Parts at several cohesion numbers."""
+    """Parts at several cohesion numbers.
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> atlas = pbekit.Atlas.load()  # the one that comes with the package
+    >>> atlas.cohesion_numbers.round(3).tolist()
+    [0.319, 0.372, 0.426, 0.532, 0.638]
+    """
 
     parts: tuple[Part, ...]
 

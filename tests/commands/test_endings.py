@@ -30,7 +30,7 @@ from mcdem.monte_carlo.executors import ExecutorError, Here
 from mcdem.monte_carlo.expected_output import MOST_UNCHANGED, output_of
 from mcdem.monte_carlo.process import multiples
 from mcdem.monte_carlo.sweep import sweep
-from pbekit import endings
+from pbekit import arguments, endings
 from pbekit.commands.main import app
 from pbekit.tables.kernel_table import KernelTable
 
@@ -164,7 +164,10 @@ def test_times_of_a_balance_are_finite_and_a_course_that_came_to_rest_ends(table
         done = solve(until)
         assert done.exit_code == 2 and f"--until {float(until)}: expected a time above 0" in done.output
     assert not (tmp_path / "out.nc").exists()
-    done = solve("1e9", "--samples", "5")
+    assert [arguments.until(given) for given in ("90 s", "90s", "1.5 min", "9e4 ms", "90", 90.0)] == [
+        90.0
+    ] * 6
+    done = solve("1e9 s", "--samples", "5")
     assert done.exit_code == 0, done.output
     assert "at rest from t = " in done.output
     data = xr.load_dataset(tmp_path / "out.nc")

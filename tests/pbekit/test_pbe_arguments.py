@@ -150,6 +150,7 @@ REFUSED = {
     "opening a number": (lambda: open_table(3), "table: got 3, expected the file of one"),
     "solving several numbers": (lambda: solve_table([3, 4]), "table: got 3, expected the file of one"),
     "solving nothing": (lambda: solve_table([]), r"table: got \[\], expected a KernelTable"),
+    "a time of another unit": (lambda: solve_table(TABLE, until="3 furlongs"), 'expected a time such as "10 s"'),
     "solving until never": (lambda: solve_table(TABLE, until=np.nan), "until = nan: expected a time above 0"),
     "solving with Euler": (lambda: solve_table(TABLE, method="Euler"), "method = 'Euler': expected one of LSODA"),
     "solving by a scheme": (lambda: solve_table(TABLE, scheme="best"), "scheme = 'best': expected one of fixed pivot"),
