@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from mcdem.arguments import ExecutorKind
 from mcdem.commands import MOST_SAMPLED, Kind, Overwrite, SceneFile, Scheduler, Seed, Workers
 from pbekit.program import finite
+
+if TYPE_CHECKING:
+    from mcdem.monte_carlo.executors import Crew
+    from mcdem.scene import Scene
 
 
 def kernels(
@@ -84,39 +88,21 @@ def kernels(
 
     A run's events are re-used; designed encounters go where they reduce the error of the balance's steady mean size most.
     """
-    from mcdem.errors import UserError
-    from mcdem.kernel_tables import into_atlas, refuse_unwritable, tabulate
-    from mcdem.monte_carlo import executors, run_control
+    from mcdem.kernel_tables import refuse_unwritable, tabulate
+    from mcdem.monte_carlo import executors
     from mcdem.scene import load_scene
     from pbekit.progress import ProgressBar
 
     loaded = load_scene(scene)
     if into is not None:
-        if output is not None or not runs:
-            raise UserError("--into takes runs (--from RUN) and writes the atlas alone: leave out --output")
-        for part in into_atlas(loaded, runs, into).parts:
-            typer.echo(
-                f"{into}: N = {part.cohesion:.4g}, {part.encounters} encounters of {part.origin.get('runs', '?')}"
-            )
+        add_to_atlas(loaded, runs, into, output)
         return
     file = output or Path(f"{loaded.name}.kernels.nc")
     refuse_unwritable(file, resume=resume, overwrite=overwrite)
     with executors.opened(executor, workers, scheduler) as crew:
         if not runs:
             runs = [file.with_suffix(".run.nc")]
-            with ProgressBar(loaded.name, at_once=True) as progress:
-                run = run_control.run(
-                    loaded,
-                    runs[0],
-                    workers=crew.workers,
-                    executor=crew.executor,
-                    resume=True,
-                    progress=lambda now: progress(str(now), now.done),
-                )
-            if run.ended_by == "interruption":
-                raise KeyboardInterrupt(
-                    f"{runs[0]} holds the encounters computed, the table is not begun: the same command goes on from there"
-                )
+            run_first(loaded, runs[0], crew)
         with ProgressBar("designed encounters", at_once=True) as progress:
             done = tabulate(
                 loaded,
@@ -138,3 +124,35 @@ def kernels(
     typer.echo(str(done))
     if done.ended_by == "interruption":
         raise KeyboardInterrupt(f"{file} holds all that was computed: --resume goes on from there")
+
+
+def add_to_atlas(scene: Scene, runs: list[Path] | None, atlas: Path, output: Path | None) -> None:
+    """Add the encounters of runs to an atlas, and list its parts."""
+    from mcdem.errors import UserError
+    from mcdem.kernel_tables import into_atlas
+
+    if output is not None or not runs:
+        raise UserError("--into takes runs (--from RUN) and writes the atlas alone: leave out --output")
+    for part in into_atlas(scene, runs, atlas).parts:
+        runs_of = part.origin.get("runs", "?")
+        typer.echo(f"{atlas}: N = {part.cohesion:.4g}, {part.encounters} encounters of {runs_of}")
+
+
+def run_first(scene: Scene, file: Path, crew: Crew) -> None:
+    """Run a scene, or go on with its run, whose encounters are to be tabulated."""
+    from mcdem.monte_carlo import run_control
+    from pbekit.progress import ProgressBar
+
+    with ProgressBar(scene.name, at_once=True) as progress:
+        run = run_control.run(
+            scene,
+            file,
+            workers=crew.workers,
+            executor=crew.executor,
+            resume=True,
+            progress=lambda now: progress(str(now), now.done),
+        )
+    if run.ended_by == "interruption":
+        raise KeyboardInterrupt(
+            f"{file} holds the encounters computed, the table is not begun: the same command goes on from there"
+        )
