@@ -12,6 +12,7 @@ from pbekit.tables.kernel_table import SOURCES, KernelTable
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "notebooks" / "data"
+PAPER = (ROOT / "paper/paper.md").read_text(encoding="utf-8")
 VALIDATION = (ROOT / "docs/validation.md").read_text(encoding="utf-8")
 
 
@@ -116,3 +117,84 @@ def test_the_manual_quotes_what_the_comparison_says(runs):
     assert [float(number) for number in re.findall(r"\d+\.\d", balance)] == [
         round(value, 1) for value in measured
     ]
+
+
+STRESSES = {
+    750: "run-750Pa-of-100",
+    875: "run-875Pa-of-100",
+    1000: "run-1000Pa",
+    1250: "run-1250Pa",
+    1500: "run-1500Pa-of-100",
+}
+"""[Pa]: the run whose encounters the table of that stress holds."""
+
+
+@pytest.mark.slow
+def test_the_manual_quotes_what_the_balance_says(runs):
+    from mcdem.kernel_tables import with_runs
+    from pbekit.study.over_stresses import stress_law
+
+    tables = [
+        with_runs(KernelTable.load(DATA / f"designed-{stress}Pa.nc"), [runs[f"{name}.nc"]])
+        for stress, name in STRESSES.items()
+    ]
+    law = stress_law(tables, draws=19)
+    (steady, second, predicted) = re.findall(
+        r"has steady ⟨P⟩ of (.+?) primaries .*? table holds nothing, ([\d.]+)\); .*? it predicts\s+(.+?) for the three",
+        VALIDATION,
+        re.DOTALL,
+    )[0]
+    assert [float(n) for n in re.findall(r"\d+\.\d", steady)] == [round(float(n), 1) for n in law.mean_size]
+    assert float(second) == round(runs["run-1000Pa-of-100-seed-2.nc"].average("mean_size").mean, 1)
+    assert re.findall(r"steady mean sizes of (.+?) primary", PAPER) == [steady]
+    rows = re.findall(r"([\d.]+) \(([\d.]+) to ([\d.]+)\)", predicted)
+    for k, row in enumerate(rows, start=1):
+        names = ("mean_size_interpolated", "mean_size_interpolated_low", "mean_size_interpolated_high")
+        found = [float(law[name].values[k]) for name in names]
+        # Ends of a band move with its draws.
+        assert [float(n) for n in row] == pytest.approx(found, rel=0.015), (row, found)
+
+
+def test_the_manual_says_what_runs_took(runs):
+    text = (ROOT / "docs/howto/accuracy.md").read_text(encoding="utf-8")
+    (each,), (whole,) = (
+        re.findall(rf"^\| {name} \|(.*)\|$", text, re.MULTILINE) for name in ("an encounter", "the whole run")
+    )
+    for cell, other, name in zip(each.split("|"), whole.split("|"), STRESSES.values(), strict=True):
+        cpu = runs[f"{name}.nc"].events["cpu_time"]
+        assert float(cell.replace("ms", "")) == pytest.approx(1e3 * float(cpu.mean()), abs=0.6), name
+        assert float(other.replace("h", "")) == pytest.approx(float(cpu.sum()) / 3600.0, abs=0.06), name
+
+
+def test_the_manual_says_what_contacts_of_the_papers_spheres_bear():
+    import mcdem
+    from mcdem.effects.sums import contact_equilibrium
+
+    text = (ROOT / "docs/method/forces.md").read_text(encoding="utf-8")
+    (said,) = re.findall(
+        r"F_\{adh\}=([\d.]+)\$ nN, \$b_0=([\d.]+)\$ nm, equilibrium at \$h=(-[\d.]+)\$ nm, pull-off at ([\d.]+) nm, ([\d.]+) N/m",
+        text,
+    )
+    force, radius, rest, pull_off, stiffness = map(float, said)
+    scene = mcdem.load_scene(ROOT / "scenes/paper-1000Pa.toml")
+    a, jkr = scene.suspension.radius, scene.effects.jkr
+    assert jkr.pull_off_force(a) == pytest.approx(1e-9 * force, abs=5e-12)
+    assert jkr.contact_radius(a) == pytest.approx(1e-9 * radius, abs=5e-11)
+    assert jkr.pull_off_gap(a) == pytest.approx(1e-9 * pull_off, abs=5e-13)
+    gap, slope = contact_equilibrium(1.0, scene.kernels.contact)
+    units = scene.reduced
+    assert gap * units.length == pytest.approx(1e-9 * rest, abs=5e-13)
+    assert abs(slope) * units.force / units.length == pytest.approx(stiffness, abs=0.05)
+
+
+def test_a_case_says_of_itself_what_its_saved_numbers_say():
+    from validation import case as cases_of
+    from validation import datasets
+    from validation.cases import breakup_fractal_motion as motion
+
+    because = cases_of.load("breakup_fractal_motion").because
+    (said,) = re.findall(r"q of fractal clusters in motion is ([\d.]+) \+- ([\d.]+)", because)
+    every = datasets.fractal_motion().values()
+    firm = [row for row in every if (row["kind"], row["bonds"]) == ("fractal", motion.FIRM)]
+    q, error = motion.exponent(firm, "first")
+    assert said == (f"{q:.2f}", f"{error:.2f}")
