@@ -30,7 +30,7 @@ def test_the_quickstart_runs(tmp_path, monkeypatch):
 
 def test_its_questions_have_commands():
     rows = re.findall(r"^\| .*\? \| (.*) \|$", README, re.MULTILINE)
-    assert len(rows) == 5
+    assert len(rows) == 6
     known = {"mcdem": mcdem.commands.main.COMMANDS, "pbekit": pbekit.commands.main.COMMANDS}
     for program, command in re.findall(r"`(mcdem|pbekit) (\w+)", "".join(rows)):
         assert command in known[program]
