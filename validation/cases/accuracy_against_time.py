@@ -116,7 +116,7 @@ CASE = Case(
     chapter=8,
     claim="The default settings are exact to half a per cent in eta_11, cannot be told from the reference in what encounters "
     "leave, and take less than a quarter of its time; twice its step is worse than a quarter.",
-    source="`mcdem cost` at 1000 Pa on a population of a run; saved in validation/data, whose README gives the command",
+    source="`mcdem cost` at 1000 Pa on late populations of a run; saved in validation/data, whose README gives the command",
     tolerance="0.5 % of eta_11, within its own error; sampled means by two standard errors; times to a quarter: machines differ",
     measure=measure,
     judge=judge,
