@@ -117,7 +117,7 @@ class CompilationWatch:
             self._seen, self._changed = count, now
         if now - self._changed > self.QUIET:
             return ""
-        if self._before:
+        if self._before > self.WHOLE // 5:  # a little is compiled before a run is shown
             return "compiling what no scene before has called for" if count > self._before else ""
         done = count / self.WHOLE
         if done < 0.05 or done >= 1.0:
