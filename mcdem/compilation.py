@@ -16,7 +16,6 @@ from __future__ import annotations
 import ctypes
 import importlib
 import pickle
-import signal
 from collections.abc import Callable
 from functools import wraps
 from typing import Any, TypeVar
@@ -34,6 +33,8 @@ from mcdem.compiled_once import ask, kernel_of, once
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _RESOLVER = "mcdem_address_of_separately_compiled"
+_INTERRUPTED = 1
+"""No address: the user asked for the end while the function was compiled."""
 
 
 def separately_compiled(returns: types.Type = types.none) -> Callable[[Function], Function]:
@@ -127,6 +128,9 @@ def _call_by_pointer(context: Any, builder: Any, sig: Signature, args: Any, name
         found = builder.call(
             resolver, [builder.bitcast(question, cgutils.voidptr_t), ir.Constant(address, len(wanted))]
         )
+        interrupted = builder.icmp_unsigned("==", found, ir.Constant(address, _INTERRUPTED))
+        with cgutils.if_unlikely(builder, interrupted):
+            context.call_conv.return_user_exc(builder, KeyboardInterrupt, ())
         with cgutils.if_unlikely(builder, cgutils.is_null(builder, found)):
             context.call_conv.return_user_exc(
                 builder, RuntimeError, (f"{'.'.join(name)} could not be compiled",)
@@ -145,18 +149,13 @@ def _call_by_pointer(context: Any, builder: Any, sig: Signature, args: Any, name
 def _address(question: int, length: int) -> int:
     """Where the function with this name and these types of arguments lies; asked once by each call in compiled code.
 
-    An interrupt of the user waits until that is done: no exception can pass through the compiled caller.
+    No exception can pass from here through the compiled caller: `_INTERRUPTED` has it raise the user's interrupt anew; any other
+    failure is printed here, and is 0.
     """
-    interrupted = False
-    while True:
-        try:
-            address = _compile_question(ctypes.string_at(question, length))
-            break
-        except KeyboardInterrupt:
-            interrupted = True
-    if interrupted:
-        signal.raise_signal(signal.SIGINT)
-    return address
+    try:
+        return _compile_question(ctypes.string_at(question, length))
+    except KeyboardInterrupt:
+        return _INTERRUPTED
 
 
 def _compile_question(question: bytes) -> int:

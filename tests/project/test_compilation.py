@@ -164,6 +164,43 @@ def test_whoever_waits_goes_on_when_the_owner_of_a_lock_is_killed(start):
     owner.stdout.close()
 
 
+INTERRUPT = """
+import json, signal
+import mcdem.compilation
+import numpy as np
+import small
+
+
+def end(*_):
+    raise KeyboardInterrupt
+
+
+def asked_for_the_end(question):
+    signal.raise_signal(signal.SIGTERM)
+
+
+signal.signal(signal.SIGINT, signal.SIG_IGN)  # as under nohup
+signal.signal(signal.SIGTERM, end)
+outer = small.Outer(np.zeros(2), None, small.Inner(np.ones(3), 2), True, (0.5,))
+compile_question = mcdem.compilation._compile_question
+mcdem.compilation._compile_question = asked_for_the_end
+try:
+    small.two_steps(np.zeros(3), outer)
+    ended = False
+except KeyboardInterrupt:
+    ended = True
+mcdem.compilation._compile_question = compile_question
+print(json.dumps([ended, small.two_steps(np.zeros(3), outer)]))
+"""
+
+
+def test_the_end_can_be_asked_for_while_a_function_is_compiled(start):
+    """And what was asked for then is compiled when it is called again."""
+    ended, values = answer(start(INTERRUPT))
+    assert ended
+    assert values == [6, (4 + 10.5) + (8 + 18 + 1)]
+
+
 def test_the_watch_says_how_long_compiling_takes_about(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     now = [0.0]
