@@ -10,7 +10,9 @@ from typing import Annotated
 
 import typer
 
-from pbekit.arguments import LEVEL, MOST_DRAWS, least_draws
+from pbekit import arguments
+from pbekit.arguments import DENSEST, LEVEL, MOST_DRAWS, least_draws
+from pbekit.program import checked
 
 Table = Annotated[Path, typer.Argument(metavar="KERNELS", help="Table that `mcdem kernels` wrote (NetCDF).")]
 Tables = Annotated[list[Path], typer.Argument(metavar="KERNELS...", help="Tables, one per stress.")]
@@ -35,6 +37,21 @@ Radius = Annotated[
 ]
 Viscosity = Annotated[float | None, typer.Option(help="Viscosity [Pa s], likewise; the table's by default.")]
 ShearRate = Annotated[float | None, typer.Option(help="Shear rate [1/s], likewise; the table's by default.")]
+VolumeFraction = Annotated[
+    float | None,
+    typer.Option(
+        callback=checked(lambda share: arguments.volume_fraction(share, "--volume-fraction")),
+        help=f"Of primaries, instead of the table's; above 0, below {DENSEST:g}. First-order rates go with it.",
+    ),
+]
+Until = Annotated[
+    str,
+    typer.Option(
+        metavar="TIME",
+        callback=checked(lambda time: arguments.until(time, "--until")),
+        help='Time to stop at, such as "10 s".',
+    ),
+]
 Cohesion = Annotated[
     float | None,
     typer.Option(

@@ -8,10 +8,9 @@ from typing import Annotated
 import typer
 
 from pbekit import arguments
-from pbekit.arguments import DENSEST, LARGEST_SEED, MOST_EXACT
-from pbekit.commands import Cohesion, Draws, Radius, ShearRate, Table, Viscosity
+from pbekit.arguments import LARGEST_SEED, MOST_EXACT
+from pbekit.commands import Cohesion, Draws, Radius, ShearRate, Table, Until, Viscosity, VolumeFraction
 from pbekit.export.menu import TARGETS
-from pbekit.program import checked
 
 
 def export(
@@ -29,20 +28,8 @@ def export(
     viscosity: Viscosity = None,
     shear_rate: ShearRate = None,
     cohesion: Cohesion = None,
-    volume_fraction: Annotated[
-        float | None,
-        typer.Option(
-            callback=checked(lambda share: arguments.volume_fraction(share, "--volume-fraction")),
-            help=f"Of primaries, instead of the table's; above 0, below {DENSEST:g}. First-order rates go with it.",
-        ),
-    ] = None,
-    until: Annotated[
-        float,
-        typer.Option(
-            callback=checked(lambda time: arguments.until(time, "--until")),
-            help="End of the course that is written to compare with [s].",
-        ),
-    ] = 300.0,
+    volume_fraction: VolumeFraction = None,
+    until: Until = "300 s",
     draws: Draws = 60,
     exact_to: Annotated[
         int, typer.Option(min=2, max=MOST_EXACT, help="Largest size with a class of its own.")
@@ -84,7 +71,7 @@ def export(
             conditions=conditions,
             draws=draws,
             seed=seed,
-            until=until,
+            until=arguments.until(until, "--until"),
             volume_fraction=volume_fraction,
             exact_to=exact_to,
             largest=largest,

@@ -11,7 +11,6 @@ import typer
 
 from pbekit import arguments
 from pbekit.arguments import (
-    DENSEST,
     LARGEST_SEED,
     LEVEL,
     METHODS,
@@ -20,7 +19,7 @@ from pbekit.arguments import (
     SCHEMES,
     least_draws,
 )
-from pbekit.commands import Cohesion, Radius, ShearRate, Viscosity
+from pbekit.commands import Cohesion, Radius, ShearRate, Until, Viscosity, VolumeFraction
 from pbekit.program import checked
 
 
@@ -32,14 +31,7 @@ def solve(
         ),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Dataset to write.")],
-    until: Annotated[
-        str,
-        typer.Option(
-            metavar="TIME",
-            callback=checked(lambda time: arguments.until(time, "--until")),
-            help='Time to stop at, such as "10 s".',
-        ),
-    ] = "300 s",
+    until: Until = "300 s",
     samples: Annotated[int, typer.Option(min=2, max=10**6, help="Times to keep.")] = 201,
     stress: Annotated[
         float | None,
@@ -52,13 +44,7 @@ def solve(
     viscosity: Viscosity = None,
     shear_rate: ShearRate = None,
     cohesion: Cohesion = None,
-    volume_fraction: Annotated[
-        float | None,
-        typer.Option(
-            callback=checked(lambda share: arguments.volume_fraction(share, "--volume-fraction")),
-            help=f"Instead of the table's; above 0, below {DENSEST:g}.",
-        ),
-    ] = None,
+    volume_fraction: VolumeFraction = None,
     draws: Annotated[
         int,
         typer.Option(
