@@ -10,7 +10,7 @@ from pbekit.errors import KernelError, PBEError
 
 METHODS = ("LSODA", "BDF", "Radau", "RK45", "RK23", "DOP853")
 """Integrators of scipy."""
-SCHEMES = ("fixed pivot", "cell average")
+SCHEMES = ("fixed pivot", "cell average", "three pivots")
 """How products are put on pivots."""
 MOST_EXACT = 5000
 """Sizes with a class of their own: tables of pairs of classes hold its square."""

@@ -159,8 +159,8 @@ MASS_TOLERANCE = 1e-12
 class _Rows:
     """Product rows, gathered in compressed form."""
 
-    def __init__(self, grid: Grid | TwoComponentGrid, averaged: bool, closed: bool) -> None:
-        self.grid, self.averaged, self.closed = grid, averaged, closed
+    def __init__(self, grid: Grid | TwoComponentGrid, scheme: str, closed: bool) -> None:
+        self.grid, self.scheme, self.closed = grid, scheme, closed
         self.slot: list[np.ndarray] = []
         self.number: list[np.ndarray] = []
         self.carried: list[np.ndarray] = []
@@ -210,7 +210,7 @@ class _Rows:
 
     def corners(self, products: np.ndarray, offset: int, parents: np.ndarray, name: str) -> None:
         """Rows of one product each; products (n, M) masses, parents (n, M) the masses they must carry."""
-        slot, number, carried = self.grid.corners(products, self.averaged, self.closed)
+        slot, number, carried = self.grid.corners(products, self.scheme, self.closed)
         carried = np.zeros_like(number) if carried is None else carried
         self.check(slot, number, carried, parents, name)
         self.add_block(slot + offset, number, carried)
@@ -243,12 +243,12 @@ class _Rows:
         begins[entry[:-1][np.diff(entry) > 0]] = True
         run = np.append(np.flatnonzero(begins), slot.size).astype(np.int64)
         row = np.searchsorted(run, entry).astype(np.int64)
-        mass = carried[some].astype(float) if self.averaged else np.zeros(0)
+        mass = carried[some].astype(float) if self.scheme == "cell average" else np.zeros(0)
         return compiled.Products(row, run, slot[run[:-1]], number, mass)
 
 
 def _place_fragments(
-    grid: Grid | TwoComponentGrid, daughters: Daughters, parent: float, averaged: bool, closed: bool
+    grid: Grid | TwoComponentGrid, daughters: Daughters, parent: float, scheme: str, closed: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(grid, TwoComponentGrid):
         raise PBEError(
@@ -256,8 +256,8 @@ def _place_fragments(
         )
     if grid.discrete or type(daughters).pieces is not Daughters.pieces:
         mass, number = daughters.pieces(parent)
-        return grid.place(mass, number, averaged, closed)
-    return grid.place_density(*daughters.cumulative(parent), parent, averaged, closed)
+        return grid.place(mass, number, scheme, closed)
+    return grid.place_density(*daughters.cumulative(parent), parent, scheme, closed)
 
 
 @dataclass
@@ -288,15 +288,13 @@ class _Variants:
         return (len(self.shares) - 1) * self.width
 
 
-def assemble(
-    grid: Grid | TwoComponentGrid, events: Sequence[Event], averaged: bool, closed: bool
-) -> Assembled:
+def assemble(grid: Grid | TwoComponentGrid, events: Sequence[Event], scheme: str, closed: bool) -> Assembled:
     """Events on a grid as arrays for the compiled balance.
 
     closed : products beyond the last pivot are put on it with their mass, not their number; nothing leaves the grid
     """
-    if averaged and isinstance(grid, TwoComponentGrid):
-        raise PBEError("cell average is for one mass coordinate; a two-component grid uses the fixed pivot")
+    if scheme != "fixed pivot" and isinstance(grid, TwoComponentGrid):
+        raise PBEError(f"{scheme} is for one mass coordinate; a two-component grid uses the fixed pivot")
     for event in events:
         if not isinstance(event, Event):
             raise PBEError(
@@ -310,12 +308,10 @@ def assemble(
 
     pair_events = [e for e in events if isinstance(e, (Aggregation, CollisionalBreakup))]
     encounters = (
-        _encounters(grid, pair_events, class_start, group, variants, averaged, closed)
-        if pair_events
-        else None
+        _encounters(grid, pair_events, class_start, group, variants, scheme, closed) if pair_events else None
     )
     first = [e for e in events if isinstance(e, Breakage)]
-    first_order = _first_order(grid, first, variants.offset, averaged, closed) if first else None
+    first_order = _first_order(grid, first, variants.offset, scheme, closed) if first else None
     reshaping = [e for e in events if isinstance(e, Restructuring)]
     if len(reshaping) > 1:
         raise PBEError(
@@ -325,7 +321,7 @@ def assemble(
 
     step = (
         (lambda by: grid.neighbour(by))
-        if averaged and isinstance(grid, Grid)
+        if scheme == "cell average" and isinstance(grid, Grid)
         else (lambda by: np.full(grid.cells, -1))
     )
     geometry = compiled.Geometry(
@@ -363,7 +359,7 @@ def _encounters(
     class_start: np.ndarray,
     group: np.ndarray,
     variants: _Variants,
-    averaged: bool,
+    scheme: str,
     closed: bool,
 ) -> compiled.Encounters:
     first_cell = class_start[:-1]
@@ -378,7 +374,7 @@ def _encounters(
     size_mass = grid.masses[np.searchsorted(grid.size_of_cell, np.arange(grid.sizes))]
     high_size, low_size = np.tril_indices(grid.sizes)
 
-    rows, weights, row_of_pair = _Rows(grid, averaged, closed), [], []
+    rows, weights, row_of_pair = _Rows(grid, scheme, closed), [], []
     for event in events:
         kernel = as_kernel(event.kernel)
         weight = evaluate(kernel, grid.state)
@@ -408,7 +404,7 @@ def _collisional_rows(
     weight: np.ndarray,
     offset: int,
 ) -> None:
-    two, averaged, closed = isinstance(grid, TwoComponentGrid), rows.averaged, rows.closed
+    two, scheme, closed = isinstance(grid, TwoComponentGrid), rows.scheme, rows.closed
     if isinstance(event.daughters, PairRows):
         rows.add_pairs(event.daughters, size_mass[low_size] + size_mass[high_size], offset)
         return
@@ -428,11 +424,11 @@ def _collisional_rows(
         parents = size_mass[i] + size_mass[j]
         if of_pair is not None:
             mass, number = _two(of_pair(*(size_mass[s] if two else size_mass[s, 0] for s in (i, j))), name)
-            placed = _placed_pieces(grid, mass, number, parents, averaged, closed, name)
+            placed = _placed_pieces(grid, mass, number, parents, scheme, closed, name)
         else:
             key = float(parents[0])
             if key not in cached:
-                cached[key] = _place_fragments(grid, as_daughters(event.daughters), key, averaged, closed)
+                cached[key] = _place_fragments(grid, as_daughters(event.daughters), key, scheme, closed)
             placed = cached[key]
         rows.add_dense(*placed, offset, parents, name)
 
@@ -451,7 +447,7 @@ def _placed_pieces(
     mass: np.ndarray,
     number: np.ndarray,
     parents: np.ndarray,
-    averaged: bool,
+    scheme: str,
     closed: bool,
     name: str,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -472,20 +468,20 @@ def _placed_pieces(
         slot, share, _ = grid.corners(mass)
         placed = np.bincount(slot.ravel(), (share * number[:, None]).ravel(), grid.cells + 3)
         return placed, np.zeros_like(placed)
-    return grid.place(mass, number * (parents[0] / total[0]), averaged, closed)
+    return grid.place(mass, number * (parents[0] / total[0]), scheme, closed)
 
 
 def _first_order(
     grid: Grid | TwoComponentGrid,
     events: Sequence[Breakage],
     offset_of: Callable[[np.ndarray | None], int],
-    averaged: bool,
+    scheme: str,
     closed: bool,
 ) -> compiled.FirstOrder:
     """Several laws of breakage add to one rate with the mixture of their daughters."""
     rates = [evaluate_rate(e.rate, grid.state) for e in events]
     total = np.sum(rates, axis=0)
-    rows = _Rows(grid, averaged, closed)
+    rows = _Rows(grid, scheme, closed)
     two = isinstance(grid, TwoComponentGrid)
     offsets = [offset_of(e.shape) for e in events]
     for k in range(grid.cells):
@@ -497,10 +493,10 @@ def _first_order(
             if two:
                 mass, pieces = cast(Callable[..., Any], event.daughters)(parents)
                 name = getattr(event.daughters, "__name__", "daughters")
-                n, m = _placed_pieces(grid, mass, pieces, parents, averaged, closed, name)
+                n, m = _placed_pieces(grid, mass, pieces, parents, scheme, closed, name)
             else:
                 n, m = _place_fragments(
-                    grid, as_daughters(event.daughters), float(parents[0]), averaged, closed
+                    grid, as_daughters(event.daughters), float(parents[0]), scheme, closed
                 )
             keep = np.flatnonzero((n != 0) | (m != 0))
             name = getattr(event.daughters, "name", "daughters")

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pbekit.arguments import MOST_EXACT, array, number, whole_number
+from pbekit.balance import three_pivots
 from pbekit.errors import PBEError
 
 LARGEST = 10**9
@@ -215,31 +216,44 @@ class Grid:
         cells = np.flatnonzero(self.size_of_cell == size)
         return number * np.eye(self.cells)[cells].sum(axis=0) / cells.size
 
-    def from_cumulative(self, number_below: Cumulative, mass_below: Cumulative) -> np.ndarray:
+    def from_cumulative(
+        self, number_below: Cumulative, mass_below: Cumulative, scheme: str = "fixed pivot"
+    ) -> np.ndarray:
         """(K,) a continuous distribution put on the pivots, number and mass of it kept (as far as the grid reaches).
 
-        number_below, mass_below : integrals of n(v) and v n(v) from 0 to v
+        number_below, mass_below : integrals of n(v) and v n(v) from 0 to v; "three pivots" keeps the second moment too, but for
+        what it would put below zero; any other scheme starts from the same numbers
         """
-        number, _ = self.place_density(number_below, mass_below, np.inf)
+        on = "three pivots" if scheme == "three pivots" else "fixed pivot"
+        number, _ = self.place_density(number_below, mass_below, np.inf, on)
         return number[:-2][self.size_of_cell]
 
     # -- where products go -------------------------------------------------------------------------------------
 
+    def _on_three(self, scheme: str) -> bool:
+        """Whether products are shared among three pivots; fewer than three are shared by two."""
+        return scheme == "three pivots" and self.sizes >= 3
+
     def corners(
-        self, mass: np.ndarray, cell_average: bool = False, closed: bool = False
+        self, mass: np.ndarray, scheme: str = "fixed pivot", closed: bool = False
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Slots that share one product of each given mass: (slot, number, mass), each (n, 2).
+        """Slots that share one product of each given mass: (slot, number, mass), each (n, 2), (n, 3) on three pivots.
 
         Fixed pivot (Kumar & Ramkrishna 1996): shared between the two neighbouring pivots so that number and mass are
-        kept.  Cell average (Kumar et al. 2006): the cell that holds the mass.  Slots S and S + 1 are the overflow's
-        number and mass; a product below the first pivot keeps its mass, not its number, and so does one beyond the last
-        pivot of a closed grid.
+        kept.  Three pivots: the second moment too.  Cell average (Kumar et al. 2006): the cell that holds the mass.  Slots S
+        and S + 1 are the overflow's number and mass; a product below the first pivot keeps its mass, not its number, and
+        so does one beyond the last pivot of a closed grid.
         """
         x = np.asarray(mass, float).reshape(-1)
-        slot, number, carried = np.zeros((x.size, 2), int), np.zeros((x.size, 2)), np.zeros((x.size, 2))
+        wide = 3 if self._on_three(scheme) else 2
+        slot, number, carried = np.zeros((x.size, wide), int), *np.zeros((2, x.size, wide))
         over, low = x > self.pivots[-1] * (1 + 1e-12), x < self.pivots[0]
         x = np.minimum(x, self.pivots[-1])
-        if cell_average:
+        if wide == 3:
+            slot, number = three_pivots.of_masses(self.pivots, np.maximum(x, self.pivots[0]))
+            number[low] = np.stack([x / self.pivots[0], 0 * x, 0 * x], axis=1)[low]
+            carried = number * self.pivots[slot]
+        elif scheme == "cell average":
             k = np.clip(np.searchsorted(self.edges, x, side="right") - 1, 0, self.sizes - 1)
             slot[:] = k[:, None]
             number[:, 0], carried[:, 0] = 1.0, x
@@ -256,20 +270,21 @@ class Grid:
             carried[:] = number * self.pivots[slot]
         beyond = np.asarray(mass, float).reshape(-1)[over]
         if closed:
-            slot[over] = self.sizes - 1
-            number[over] = np.stack([beyond / self.pivots[-1], 0 * beyond], axis=1)
+            slot[over], number[over] = self.sizes - 1, 0.0
+            number[over, 0] = beyond / self.pivots[-1]
             carried[over] = number[over] * self.pivots[-1]
         else:
-            slot[over] = [self.sizes, self.sizes + 1]
-            number[over] = np.stack([np.ones_like(beyond), beyond], axis=1)
+            slot[over] = [self.sizes, self.sizes + 1, self.sizes + 1][:wide]
+            number[over] = 0.0
+            number[over, 0], number[over, 1] = 1.0, beyond
             carried[over] = 0.0
         return slot, number, carried
 
     def place(
-        self, mass: np.ndarray, number: np.ndarray, cell_average: bool = False, closed: bool = False
+        self, mass: np.ndarray, number: np.ndarray, scheme: str = "fixed pivot", closed: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
         """`number` products of each given mass, summed over the slots: (number, mass), each (S + 2,)."""
-        slot, share, carried = self.corners(mass, cell_average, closed)
+        slot, share, carried = self.corners(mass, scheme, closed)
         weight = np.asarray(number, float).reshape(-1, 1)
         size = self.sizes + 2
         return (
@@ -282,7 +297,7 @@ class Grid:
         number_below: Cumulative,
         mass_below: Cumulative,
         upto: float,
-        cell_average: bool = False,
+        scheme: str = "fixed pivot",
         closed: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
         """The same for a continuous density up to mass `upto`, by its exact cumulative number and mass."""
@@ -297,10 +312,10 @@ class Grid:
         n, m = between(np.array([top]), np.array([np.inf if np.isinf(upto) else max(upto, top)]))
         if closed:
             out[-3] += m[0] / top
-            out_mass[-3] += m[0] if cell_average else 0.0
+            out_mass[-3] += m[0] if scheme == "cell average" else 0.0
         else:
             out[-2], out[-1] = n[0], m[0]
-        if cell_average:
+        if scheme == "cell average":
             high = np.minimum(self.edges[1:], top)
             n, m = between(np.minimum(self.edges[:-1], top), high)
             first = between(np.zeros(1), self.edges[:1])
@@ -318,6 +333,9 @@ class Grid:
         upper = np.clip((m - x[:-1] * n) / width, 0.0, n)
         out[:-3] += n - upper
         out[1:-2] += upper
+        if self._on_three(scheme):
+            surplus = three_pivots.surplus(x, number_below, upto)
+            out[:-2] = three_pivots.without_surplus(x, out[:-2], surplus, positive=np.isinf(upto))
         out_mass[:-2] = out[:-2] * x
         return out, out_mass
 
@@ -381,13 +399,11 @@ class TwoComponentGrid:
         return np.ones(self.cells)
 
     def corners(
-        self, mass: np.ndarray, cell_average: bool = False, closed: bool = False
+        self, mass: np.ndarray, scheme: str = "fixed pivot", closed: bool = False
     ) -> tuple[np.ndarray, np.ndarray, None]:
         """Slots that share one product of each given pair of masses (n, 2): (slot, number, None), each (n, 4)."""
-        if cell_average:
-            raise PBEError(
-                "cell average is for one mass coordinate; a two-component grid uses the fixed pivot"
-            )
+        if scheme != "fixed pivot":
+            raise PBEError(f"{scheme} is for one mass coordinate; a two-component grid uses the fixed pivot")
         m = np.asarray(mass, float).reshape(-1, 2)
         over = (m[:, 0] > self.first[-1] * (1 + 1e-12)) | (m[:, 1] > self.second[-1] * (1 + 1e-12))
         if np.any(m[:, 0] < self.first[0] * (1 - 1e-12)) or np.any(m[:, 1] < self.second[0] * (1 - 1e-12)):

@@ -21,7 +21,9 @@ class PopulationBalance:
     """dn/dt of the state (n_1 ... n_K, overflow number, overflow mass(es)).
 
     scheme : "fixed pivot" is bilinear, with exact Jacobian and sensitivities; "cell average" is 3 to 60 times better
-        in the second moment per cell, and bilinear between kinks only
+        in the second moment per cell, and bilinear between kinks only; "three pivots" is bilinear, exact in the second
+        moment of every product and of third order in all others, but may leave numbers below zero where a population ends
+        abruptly
     edge : "overflow": products beyond the last pivot leave into the explicit overflow; "closed": they are put
         on the last pivot with their mass, not their number, so that a steady state exists; `edge_flux` says how much
     """
@@ -47,7 +49,7 @@ class PopulationBalance:
             )
         self.grid, self.events, self.scheme, self.edge = grid, list(events), scheme, edge
         self.averaged = scheme == "cell average"
-        self.arrays = assemble(grid, self.events, self.averaged, edge == "closed")
+        self.arrays = assemble(grid, self.events, scheme, edge == "closed")
 
     @property
     def cells(self) -> int:

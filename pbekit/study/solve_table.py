@@ -64,7 +64,7 @@ class Options:
 
     until [s, or text such as "10 s"], samples : times kept, from 0 on
     draws : posterior draws for the bands, 0 for none
-    scheme : "fixed pivot" or "cell average"; method : integrator of scipy
+    scheme : "fixed pivot", "cell average" or "three pivots"; method : integrator of scipy
     outcomes : "table" (classes, with the fitted law as prior) or "smooth" (the law alone)
     """
 

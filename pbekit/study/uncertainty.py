@@ -57,7 +57,7 @@ def draws_of(
     progress : callable
         Called with how many are done.
     scheme : str
-        "fixed pivot" or "cell average".
+        "fixed pivot", "cell average" or "three pivots".
 
     Returns
     -------
@@ -271,9 +271,9 @@ def variance_shares(estimated: EstimatedRates, steady: SteadyState, gradient: np
     Outcomes and fragments are resolved by pair of classes; shapes and radii, whose part is small, are left to the draws.
     """
     balance = steady.balance
-    if balance.scheme != "fixed pivot":
+    if balance.averaged:
         raise PBEError(
-            "variance_shares: sensitivities are exact for the fixed pivot; use scheme='fixed pivot'"
+            "variance_shares: sensitivities are exact where the balance is bilinear; use scheme='fixed pivot'"
         )
     grid, n, table = balance.grid, steady.population, estimated.table
     value = steady.importance(gradient)

@@ -206,7 +206,7 @@ def kernels(tmp_path_factory):
 
 OPTIONS = {
     "--method Euler": "--method 'Euler': expected one of LSODA, BDF, Radau",
-    "--scheme best": "--scheme 'best': expected one of fixed pivot, cell average",
+    "--scheme best": "--scheme 'best': expected one of fixed pivot, cell average, three pivots",
     "--volume-fraction -1": "--volume-fraction -1.0: expected a share of the volume from 1e-15 to 0.74",
     "--volume-fraction 0.8": "--volume-fraction 0.8: expected a share of the volume",
     "--volume-fraction nan": "--volume-fraction nan: expected a share of the volume",

@@ -211,7 +211,9 @@ def test_show_says_what_decides_the_error(files):
     assert "no steady state" in done.output and "shares of its variance" not in done.output
 
 
-@pytest.mark.parametrize("options", [(), ("--mean-shape", "--smooth"), ("--scheme", "cell average")])
+@pytest.mark.parametrize(
+    "options", [(), ("--mean-shape", "--smooth"), ("--scheme", "cell average"), ("--scheme", "three pivots")]
+)
 def test_solve_writes_a_dataset(files, tmp_path, options):
     out = tmp_path / "s.nc"
     done = call("solve", files / "k.nc", "-o", out, "--until", 2, "--samples", 11, "--draws", 19, *options)

@@ -44,7 +44,7 @@ def test_blatz_tobolsky_steady_state():
     assert found.residual < 1e-11
 
 
-@pytest.mark.parametrize("scheme", ["fixed pivot", "cell average"])
+@pytest.mark.parametrize("scheme", ["fixed pivot", "cell average", "three pivots"])
 def test_newton_ends_where_time_would(scheme):
     balance, start = sheared(scheme=scheme)
     found = steady_state(balance, start)

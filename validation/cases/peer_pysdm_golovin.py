@@ -57,7 +57,7 @@ def measure(context: Context, droplets: int | None):
         took = statistics.median(golovin.seconds(setting) for _ in range(ROUNDS))
         # Grid and integrator apart, so that neither hides the other.
         rows[f"{setting.scheme}, {cells} cells, {setting.method}"] = {
-            "seconds": took, "errors": [errors(moments)], "bound": golovin.error_of(setting)[2],
+            "seconds": took, "errors": [errors(moments)], "bound": golovin.error_of(setting)[-1],
         }  # fmt: skip
     return rows
 
@@ -70,8 +70,9 @@ def judge(context: Context, found):
             error = row.get("bound", math.sqrt(statistics.fmean(e**2 for e in second)))
             drawn[who, setting] = row["seconds"], error
             said, why = f"{who}, {setting}", f"in {row['seconds']:.3g} s of processor time"
-            if "cell average" in setting:
-                checks.append(below(f"{said}: relative error of the second moment", error, 0.2, why=why))
+            if "cell average" in setting or "three pivots" in setting:
+                most = 2e-3 if "three pivots" in setting else 0.2
+                checks.append(below(f"{said}: relative error of the second moment", error, most, why=why))
                 checks.append(below(f"{said}: relative error of mass", max(map(abs, mass)), 1e-3))
             elif who == OURS:
                 checks.append(shown(f"{said}: relative error of the second moment", error, why=why))
@@ -115,7 +116,8 @@ CASE = Case(
     claim="On Golovin's kernel, until the second moment has grown 49 000 times, the balance keeps mass and finds that moment; "
     "PySDM's super-droplets are shown beside it where they are installed.",
     source="Golovin 1963; case of Shima et al. 2009, as in PySDM's own example; benchmarks/golovin.py",
-    tolerance="20 % of the second moment at the grids of the benchmark, 1e-3 of mass; PySDM's own, a mean of few seeds, to five "
+    tolerance="20 % of the second moment by the cell average at the grids of the benchmark, 0.2 % on three pivots, 1e-3 "
+    "of mass; PySDM's own, a mean of few seeds, to five "
     "of its standard errors",
     measure=measure,
     judge=judge,

@@ -8,7 +8,7 @@ from mcdem.figures.style import CYCLE, MARKERS, canvas, legend
 from validation.case import Case, Context, Findings, below, between
 
 RATIOS = 2 ** np.array([1.0, 0.5, 0.25, 0.125])
-SCHEMES = ("fixed pivot", "cell average")
+SCHEMES = ("fixed pivot", "cell average", "three pivots")
 GOLOVIN_TIME, SCISSION_TIME = 1.0, 3.0
 
 
@@ -71,7 +71,7 @@ def continuous(scheme: str, ratio: float):
     for name, (events, time, second) in cases.items():
         grid = Grid.geometric(1e-4, 1e3, ratio)
         balance = PopulationBalance(grid, events, scheme)
-        start = grid.from_cumulative(*exponential_below(1, 1))
+        start = grid.from_cumulative(*exponential_below(1, 1), scheme)
         state = integrate(balance, start, [0, time], rtol=1e-9, atol=1e-14)[-1]
         mass = abs(state @ balance.conserved / (start @ grid.masses) - 1).max()
         found[name] = [state[: grid.cells] @ grid.pivots**2 / second - 1, mass]
@@ -83,7 +83,7 @@ def judge(context: Context, found):
         below(f"{name}: largest error of n_k/N0", error, 1e-8)
         for name, error in found.pop("whole primaries").items()
     ]
-    ratios = RATIOS[: len(found) // 2]
+    ratios = RATIOS[: len(found) // len(SCHEMES)]
     errors = {}
     for scheme in SCHEMES:
         rows = [found[f"{scheme}, ratio {r:.4g}"] for r in ratios]
