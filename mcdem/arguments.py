@@ -9,13 +9,13 @@ from enum import StrEnum
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from mcdem.errors import UserError
 from mcdem.quantities.random_streams import LARGEST_SEED
 from mcdem.quantities.units import LENGTH, TIME, shown, si
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from mcdem.scene import Scene
 
 PERIOD = TIME.positive.between("1e-15 s", "1e15 s")
@@ -43,6 +43,8 @@ def scene_at_door(scene: object) -> None:
 
 def generator_at_door(seed: object) -> np.random.Generator:
     """The random numbers of a seed: an integer from 0 on, a Generator of numpy, or None for any; raises `UserError`."""
+    import numpy as np  # not above: commands know their bounds without it
+
     if seed is None or isinstance(seed, np.random.Generator | np.random.SeedSequence):
         return np.random.default_rng(seed)
     return np.random.default_rng(whole_number("seed", seed, 0, LARGEST_SEED))

@@ -87,6 +87,13 @@ def compiled(function: Function) -> Function:
     return call
 
 
+def interpreted(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A compiled function as Python runs it, for a few numbers that are not worth the wait for numba."""
+    kernel = getattr(function, "kernel", function)
+    found: Callable[..., Any] = getattr(kernel, "py_func", function)
+    return found
+
+
 def _callable_from_python(function: Callable[..., Any], kernel: Any) -> Any:
     """A function of Python that calls a kernel; the compiled lines between them are made at the first call."""
 

@@ -75,31 +75,43 @@ def sources_of_others(group: str = "mcdem.effects") -> list[Path]:
 def sources(package: Path) -> dict[Path, bytes]:
     """The source files of the package on which compiled code depends."""
     texts = {path: path.read_bytes() for path in package.rglob("*.py")}
-    imports = {path: imported(text, path, package) for path, text in texts.items() if b"import" in text}
+    named = {_module_of(path, package): path for path in texts}
     reached = {path for path, text in texts.items() if b"NamedTuple" in text or b"namedtuple" in text}
     compiles = {"numba", f"{package.name}.compilation"}
-    waiting = [
-        path
-        for path, names in imports.items()
-        if any(n in compiles or n.startswith(("numba.", f"{package.name}.compilation.")) for n in names)
-    ]
+    imports: dict[Path, set[str]] = {}
+    waiting = []
+    for path, text in texts.items():
+        if b"numba" in text or b"compilation" in text:
+            imports[path] = imported(text, path, package)
+            if any(
+                name in compiles or name.startswith(("numba.", f"{package.name}.compilation."))
+                for name in imports[path]
+            ):
+                waiting.append(path)
     followed = set()
     while waiting:
         path = waiting.pop()
         if path in followed:
             continue
         followed.add(path)
-        for name in imports.get(path, ()):
-            stem = package.parent.joinpath(*name.split("."))
-            waiting += [p for p in (stem.with_suffix(".py"), stem / "__init__.py") if p in texts]
+        names = imports.get(path) or imported(texts[path], path, package)
+        waiting += [named[name] for name in names if name in named]
     return {path: texts[path] for path in reached | followed}
+
+
+def _module_of(path: Path, package: Path) -> str:
+    """The name by which a source file is imported."""
+    inside = path.parts[len(package.parts) - 1 :]
+    return ".".join(inside[:-1] if inside[-1] == "__init__.py" else (*inside[:-1], inside[-1][:-3]))
 
 
 def imported(text: bytes, path: Path, package: Path) -> set[str]:
     """Names of modules, and of what may be one, that a source file imports, but for those of types alone."""
     inside = (package.name, *path.relative_to(package).parent.parts)
     names = set()
-    for origin, members, modules in _IMPORT.findall(_TYPES_ONLY.sub(b"", text)):
+    if b"TYPE_CHECKING" in text:
+        text = _TYPES_ONLY.sub(b"", text)
+    for origin, members, modules in _IMPORT.findall(text):
         if modules:
             names |= {words.split()[0] for part in modules.decode().split(",") if (words := _plain(part))}
             continue

@@ -339,10 +339,9 @@ def _frozen_matrix(scene: Scene) -> Iterator[Finding]:
     contact, fluid = scene.effects.contact, scene.hydrodynamics
     if contact is None or not fluid.lubrication or fluid.cutoff_convention != "matrix":
         return
-    from mcdem.effects.sums import contact_equilibrium
     from mcdem.hydrodynamics.two_sphere.tables import SMALLEST_GAP
 
-    overlap = -contact_equilibrium(1.0, scene.kernels.contact)[0]
+    overlap = -_contact_at_rest(scene)[0]
     frozen = max(fluid.lubrication_cutoff, SMALLEST_GAP)
     ratio, share = frozen / overlap, doublet_share(frozen, overlap)
     name = "cut-off delta over the overlap of a contact at rest"
@@ -465,13 +464,20 @@ def contact_relaxation(scene: Scene) -> float:
     The damping is the leading term 6 pi mu a/(4 delta) of lubrication at the cut-off, or at l0/a without one; where the scene
     has no lubrication, that of two touching spheres at its level of hydrodynamics.
     """
-    contact, unit = scene.effects.contact, scene.reduced
-    assert contact is not None
-    from mcdem.effects.sums import contact_equilibrium
     from mcdem.hydrodynamics import LEVELS
 
+    unit = scene.reduced
     van_der_waals = scene.effects.attraction
     roughness = van_der_waals.minimum_approach / unit.length if van_der_waals is not None else 3e-4
     gap = scene.hydrodynamics.lubrication_cutoff or roughness
-    _, stiffness = contact_equilibrium(1.0, scene.kernels.contact)
+    _, stiffness = _contact_at_rest(scene)
     return float(unit.time * LEVELS[scene.hydrodynamics.level].squeeze(gap) / stiffness)
+
+
+def _contact_at_rest(scene: Scene) -> tuple[float, float]:
+    """(gap, stiffness) of a contact of two primaries without load, in reduced units; the scene has a contact law."""
+    from mcdem.effects import EFFECTS, ContactLaw
+
+    law = EFFECTS[scene.effects.contact_name]
+    assert isinstance(law, ContactLaw)
+    return law.at_rest(1.0, scene.kernels.contact)

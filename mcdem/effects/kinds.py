@@ -19,6 +19,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
+from mcdem.compilation import interpreted
 from mcdem.quantities.reduced_units import ReducedUnits
 from mcdem.quantities.suspension import Suspension
 from mcdem.quantities.toml_tables import Table
@@ -117,6 +118,11 @@ class ContactLaw:
     pull_off_gap: Callable[..., Any]
     pull_off_force: Callable[..., Any]
     equilibrium: Callable[..., Any]
+
+    def at_rest(self, radius: float, parameters: Any) -> tuple[float, float]:
+        """`equilibrium` as Python runs it: for two numbers, numba need not be made ready."""
+        gap, stiffness = interpreted(self.equilibrium)(radius, parameters)
+        return float(gap), float(stiffness)
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import hashlib
 from numbers import Integral
-
-import numpy as np
-from numpy.random import Generator, Philox
+from typing import TYPE_CHECKING
 
 from mcdem.errors import UserError
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
 
 LARGEST_SEED = 2**63 - 1
 """Seeds are stored as signed 64-bit integers."""
@@ -35,6 +36,9 @@ def stream(seed: int, purpose: str, *place: int) -> Generator:
     Streams of different seed, purpose or place never overlap: seed and purpose are the key of Philox, the place is the
     upper three words of its counter, and the lowest word counts the draws.
     """
+    import numpy as np  # not above: commands know the largest seed without it
+    from numpy.random import Generator, Philox
+
     purpose_word = int.from_bytes(hashlib.blake2b(purpose.encode(), digest_size=8).digest(), "little")
     key = np.array([seed, purpose_word], dtype=np.uint64)
     counter = np.zeros(4, dtype=np.uint64)

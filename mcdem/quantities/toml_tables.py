@@ -6,11 +6,15 @@ Each table is a frozen pydantic model: its fields are the keys, the docstring be
 
 from __future__ import annotations
 
+import ast
 import difflib
+import inspect
 import math
+import sys
 import types
 import typing
 from collections.abc import Iterable, Mapping
+from functools import cache
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -53,9 +57,7 @@ else:
 class Table(_Base):
     """Base of every table: unknown keys are refused, nothing is coerced, nothing changes after loading."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Key(NamedTuple):
@@ -71,6 +73,7 @@ class Key(NamedTuple):
 def keys(model: type[BaseModel], table: str = "") -> list[Key]:
     """Every key of a table and of the tables in it, in the order of declaration."""
     found: list[Key] = []
+    meanings = _meanings(model)
     for name, field in model.model_fields.items():
         inner, optional = _table_type(field.annotation)
         if inner is not None:
@@ -79,8 +82,38 @@ def keys(model: type[BaseModel], table: str = "") -> list[Key]:
             found.append(Key(path, "", "table", "absent" if optional else "", meaning))
             found += keys(inner, path)
             continue
-        meaning = " ".join((field.description or "").split())
+        meaning = " ".join((field.description or meanings.get(name, "")).split())
         found.append(Key(table, name, _expected(field.annotation, field.metadata), _default(field), meaning))
+    return found
+
+
+def _meanings(model: type[BaseModel]) -> dict[str, str]:
+    """The docstrings below the fields of a table.
+
+    pydantic would read them whenever a table is defined, which takes longer than to define it.
+    """
+    found: dict[str, str] = {}
+    for table in reversed(model.__mro__):
+        if issubclass(table, Table):
+            found |= _docstrings(table.__module__).get(table.__name__, {})
+    return found
+
+
+@cache
+def _docstrings(module: str) -> dict[str, dict[str, str]]:
+    """{class: {field: docstring below it}} of a module; empty where it has no source."""
+    try:
+        tree = ast.parse(inspect.getsource(sys.modules[module]))
+    except (OSError, TypeError, KeyError):
+        return {}
+    found: dict[str, dict[str, str]] = {}
+    for made in (node for node in ast.walk(tree) if isinstance(node, ast.ClassDef)):
+        fields = found.setdefault(made.name, {})
+        for field, below in zip(made.body, made.body[1:]):
+            if not isinstance(field, ast.AnnAssign) or not isinstance(field.target, ast.Name):
+                continue
+            if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+                fields[field.target.id] = str(below.value.value)
     return found
 
 

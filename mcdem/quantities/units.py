@@ -23,12 +23,13 @@ from functools import cache
 from numbers import Real
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import numpy as np
 from pydantic_core import PydanticCustomError, core_schema
 
 from mcdem.errors import UserError
+from mcdem.quantities.unit_factors import known_units, si_unit
 
 if TYPE_CHECKING:
+    import numpy as np
     import pint
     from numpy.typing import NDArray
 
@@ -110,7 +111,7 @@ class Quantity:
         return _limit(self.lowest, self.si), _limit(self.highest, self.si)
 
     def _magnitude(self, given: object, bare: bool) -> float:
-        if isinstance(given, Real) and not isinstance(given, bool | np.bool_):
+        if isinstance(given, Real) and not isinstance(given, bool):
             if self.si and not bare:
                 raise self._refusal("has no unit")
             try:
@@ -119,6 +120,8 @@ class Quantity:
                 raise self._refusal("is out of bounds") from None
         unit = self.si or "dimensionless"
         try:
+            if isinstance(given, str) and (value := _read_by_factor(given, self.si)) is not None:
+                return value
             quantity: Any = _read(given) if isinstance(given, str) else given
             found, fits = quantity.units, quantity.is_compatible_with(unit)
         except _OutOfRangeError:
@@ -161,6 +164,8 @@ def si(name: str, given: object, quantity: Quantity, shape: tuple[int | None, ..
             return quantity.to_si(given)
         except PydanticCustomError as problem:
             raise UserError(f"{name} = {shown(given)} {problem.message()}") from None
+    import numpy as np  # not above: text with units is read without it
+
     wanted = (
         "(" + ", ".join("N" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
     )
@@ -218,30 +223,11 @@ _BLANK = "[ \\t\u00a0\u2009\u202f]*"
 _QUANTITY = re.compile(rf"{_BLANK}({NUMBER}){_BLANK}(.*?){_BLANK}")
 _FACTOR = re.compile(r"(?:\^|\*\*)?([+-]?[0-9])")
 
-PREFIXED = "m g s N Pa J W V K Hz P M mol L eV A F C bar".split()
-"""Units that take a prefix."""
-PREFIXES = "f p n u µ μ m c d k M G T".split()
-NAMED_PREFIXES = "femto pico nano micro milli centi deci kilo mega giga tera".split()
-NAMED = (
-    "meter metre gram second newton pascal joule watt volt kelvin hertz poise molar mole liter litre electron_volt"
-).split()
-"""Units that take a prefix by its name, with or without the plural s."""
-PLAIN = (
-    "min minute minutes h hr hour hours d day days atm dyn dyne erg angstrom Å micron % percent ppm degC °C celsius"
-).split()
-"""Units that take none."""
-
-
-@cache
-def known_units() -> frozenset[str]:
-    """Every name of a unit that is read."""
-    found = {*PLAIN, *PREFIXED, *(p + u for p in PREFIXES for u in PREFIXED)}
-    found |= {p + u + s for p in ("", *NAMED_PREFIXES) for u in NAMED for s in ("", "s")}
-    return frozenset(found)
-
 
 def _magnitude_in(quantity: Any, unit: str) -> Any:
     """Magnitude of a quantity of any registry, a number or an array of floats, in a unit."""
+    import numpy as np
+
     magnitude = quantity.magnitude
     if np.ndim(magnitude) == 0:
         # By decimal factors whatever the user's registry has, so that 500 nm is the same float however it was said.
@@ -272,22 +258,51 @@ def unit_registry() -> pint.UnitRegistry[Any]:
 
 @cache
 def _limit(text: str, unit: str) -> float:
-    return float(_read(text).m_as(unit or "dimensionless"))
+    value = _read_by_factor(text, unit)
+    return float(_read(text).m_as(unit or "dimensionless")) if value is None else value
 
 
-def _read(text: str) -> pint.Quantity[Any]:
-    """A number followed by a unit.  pint alone would read "5,5 nm" as 55 nm, "nm" as 1 nm and "5 nm # and more" as 5 nm."""
+def _parts(text: str) -> tuple[Decimal, str]:
+    """The number of a text, and what follows it.
+
+    pint alone would read "5,5 nm" as 55 nm, "nm" as 1 nm and "5 nm # and more" as 5 nm.
+    """
     parts = _QUANTITY.fullmatch(text) if len(text) <= LONGEST_TEXT else None
     if parts is None:
         raise ValueError(text)
     number = Decimal(parts[1])
     if number.is_finite() and number and not -300 < number.adjusted() < 300:
         raise _OutOfRangeError(text)
-    return unit_registry().Quantity(number, _unit(parts[2]))
+    return number, parts[2]
+
+
+def _read_by_factor(text: str, unit: str) -> float | None:
+    """A number with a unit, in another unit; None where that takes more than a factor."""
+    number, given = _parts(text)
+    found, wanted = si_unit(_powers(given)), si_unit(_powers(unit))
+    if not number.is_finite() or found is None or wanted is None or found.dimension != wanted.dimension:
+        return None
+    return float(number * (found.factor / wanted.factor))
+
+
+def _read(text: str) -> pint.Quantity[Any]:
+    """A number followed by a unit, as pint has it."""
+    number, unit = _parts(text)
+    return unit_registry().Quantity(number, _unit(unit))
 
 
 @cache
 def _unit(text: str) -> pint.Unit:
+    registry = unit_registry()
+    product = registry.Unit("dimensionless")
+    for known, power in _powers(text):
+        unit = _SPELT.get(known, known)
+        product = product * registry.parse_units(unit) ** power
+    return product
+
+
+@cache
+def _powers(text: str) -> tuple[tuple[str, int], ...]:
     """A product of powers of known units, each after a blank, a sign of multiplication or a slash."""
     powers: dict[str, int] = {}
     rest, sign, first = text.translate(_SUPERSCRIPTS), 1, True
@@ -311,16 +326,11 @@ def _unit(text: str) -> pint.Unit:
         rest = rest[exponent.end() :] if exponent else rest
         if rest and not re.match(r"[ \t*·/]", rest):
             raise ValueError(text)
-        unit = _SPELT.get(name[0], name[0])
-        powers[unit] = powers.get(unit, 0) + sign * power
+        powers[name[0]] = powers.get(name[0], 0) + sign * power
         sign, first = 1, False
         if rest and not rest.strip(" \t"):
             raise ValueError(text)
-    registry = unit_registry()
-    product = registry.Unit("dimensionless")
-    for known, power in powers.items():
-        product = product * registry.parse_units(known) ** power
-    return product
+    return tuple(powers.items())
 
 
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")

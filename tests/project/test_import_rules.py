@@ -119,14 +119,25 @@ def test_the_rule_sees_kernels_and_imports_inside_functions():
 
 @pytest.mark.parametrize("argument", ["--help", "describe --help", "run --help"])
 def test_help_loads_no_machinery(argument):
-    heavy = ["xarray", "matplotlib", "pint", "mcdem.scene", "mcdem.monte_carlo.run_control"]
+    heavy = ["numpy", "xarray", "matplotlib", "pint", "mcdem.scene", "mcdem.monte_carlo.run_control"]
+    assert loaded_by(argument, heavy) == "[]"
+
+
+@pytest.mark.parametrize("argument", ["check scenes/quickstart.toml", "describe"])
+def test_what_is_read_of_a_scene_takes_no_machinery(argument):
+    """Text with units is read without pint, and the laws of contacts are asked without making numba ready to compile."""
+    assert loaded_by(argument, ["xarray", "matplotlib", "pint", "numba.cpython.listobj"]) == "[]"
+
+
+def loaded_by(arguments, modules):
+    """Which of the modules a subcommand loads, as a list is printed."""
     program = (
         "import sys; from mcdem.commands.main import app\n"
-        f"try: app({argument.split()!r}, prog_name='mcdem')\n"
+        f"try: app({arguments.split()!r}, prog_name='mcdem')\n"
         "except SystemExit: pass\n"
-        f"print('loaded:', [name for name in {heavy!r} if name in sys.modules])"
+        f"print('loaded:', [name for name in {modules!r} if name in sys.modules])"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=True
     )
-    assert done.stdout.rstrip().endswith("loaded: []"), done.stdout[-300:]
+    return done.stdout.rstrip().rpartition("loaded: ")[2]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from mcdem.encounter import static_strength as strength
 from mcdem.errors import SceneError, UserError
 from mcdem.monte_carlo.run_control import run
 from mcdem.quantities import units
+from mcdem.quantities.unit_factors import PREFIXED, known_units, si_unit
 from mcdem.scene import Flow, Run, Scene, Suspension
 
 PAPER = Path(__file__).parents[2] / "scenes" / "paper-1000Pa.toml"
@@ -317,6 +319,33 @@ def test_the_order_of_changes_means_nothing():
 # Units.
 
 
+def test_units_are_read_by_the_factors_of_pint():
+    """Exactly; and a text is the same float as by way of pint, products and quotients too."""
+    registry, draws = units.unit_registry(), np.random.default_rng(5)
+    base = ("meter", "kilogram", "second", "kelvin", "mole", "ampere")
+    for name in known_units() - {"degC", "°C", "celsius"}:
+        factor, dimension = si_unit(((name, 1),))
+        theirs = registry.Quantity(Decimal(1), units._unit(name)).to_base_units()
+        assert Decimal(theirs.magnitude) == factor, name
+        assert dict(theirs.units._units) == {unit: n for unit, n in zip(base, dimension, strict=True) if n}, (
+            name
+        )
+        for text in (
+            f"{draws.uniform():.7f}e{draws.integers(-9, 9)} {given}"
+            for given in (name, f"1/{name}", f"s {name}^2")
+        ):
+            powers = units._powers(text.partition(" ")[2])
+            wanted = " ".join(
+                f"{unit}^{n}"
+                for unit, n in zip(("m", "kg", "s", "K", "mol", "A"), si_unit(powers).dimension, strict=True)
+                if n
+            )
+            assert units._read_by_factor(text, wanted) == float(
+                units._read(text).m_as(units._unit(wanted))
+            ), text
+    assert si_unit((("degC", 1),)) is None
+
+
 def test_every_known_unit_is_what_it_seems():
     """A prefix and a unit are the power of ten times the unit, for all of them; none is another unit of pint's."""
     powers = dict(
@@ -327,7 +356,7 @@ def test_every_known_unit_is_what_it_seems():
         )
     )
     registry = units.unit_registry()
-    for unit in units.PREFIXED:
+    for unit in PREFIXED:
         one = registry.Quantity(1, unit).to_base_units()
         for prefix, power in powers.items():
             scaled = registry.Quantity(1, prefix + unit).to_base_units()
@@ -335,7 +364,7 @@ def test_every_known_unit_is_what_it_seems():
             assert float(scaled.magnitude / one.magnitude) == pytest.approx(10.0**power, rel=1e-12), (
                 prefix + unit
             )
-    for name in units.known_units():
+    for name in known_units():
         assert float(units._unit(name) is not None)
 
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import mcdem
 from mcdem.analysis.dimensionless_groups import check
 from mcdem.errors import SceneError
-from mcdem.quantities.units import known_units
+from mcdem.quantities.unit_factors import known_units
 from mcdem.scene import LARGEST_FILE, Scene, describe
 
 PAPER = Path(__file__).parents[2] / "scenes" / "paper-1000Pa.toml"
