@@ -130,6 +130,16 @@ def with_runs(designed: KernelTable, runs: Sequence[RunDataset]) -> KernelTable:
     ------
     UserError
         Of other runs.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> import pbekit
+    >>> designed = pbekit.open_table("notebooks/data/designed-1500Pa.nc")
+    >>> run = mcdem.open_run("notebooks/data/run-1500Pa-of-100.nc")
+    >>> table = mcdem.with_runs(designed, [run])
+    >>> designed.records.size.shape[0], table.records.size.shape[0]
+    (400, 105800)
     """
     names = " ".join(run.path.name for run in runs)
     if names != designed.about["runs"]:

@@ -20,6 +20,26 @@ class OpenedRun(RunDataset):
     events : xarray.Dataset over ``event``: every encounter; `outcome` has their outcomes in words
     snapshots : xarray.Dataset of the aggregates' geometry at `snapshot_times` [s]
     scene : Scene it was made of
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> run = mcdem.open_run("notebooks/data/run-1000Pa-of-100-seed-2.nc")
+
+    Share of the encounters that ended in each way:
+
+    >>> import numpy as np
+    >>> for outcome in ("aggregation", "fragmentation"):
+    ...     print(outcome, f"{np.mean(run.outcome == outcome):.3f}")
+    aggregation 0.009
+    fragmentation 0.006
+
+    Coordination number of the aggregates of more than ten primaries at the end:
+
+    >>> last = run.population(-1, rigidity=False)
+    >>> large = last.isel(aggregate=last["size"].values > 10)
+    >>> f"{float((2 * large['bond_count'] / large['size']).mean()):.1f}"
+    '5.1'
     """
 
     @property
@@ -52,5 +72,14 @@ def open_run(path: Path | str) -> OpenedRun:
     ------
     DataFileError
         where the file is not one of a run, or damaged
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> run = mcdem.open_run("notebooks/data/run-1000Pa-of-100-seed-2.nc")
+    >>> run
+    <OpenedRun notebooks/data/run-1000Pa-of-100-seed-2.nc: 1000 Pa, 88770 encounters to 120 s, steady from 60 s>
+    >>> f"<P> = {float(run.series.mean_size[-1]):.1f} at {float(run.series.time[-1]):.0f} s"
+    '<P> = 10.7 at 120 s'
     """
     return OpenedRun(path)

@@ -41,7 +41,17 @@ _PERIOD = TIME.positive.between("1e-15 s", "1e15 s")
 
 
 class Hydrodynamics(Table):
-    """Hydrodynamic interaction between the particles."""
+    """Hydrodynamic interaction between the particles.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> scene.hydrodynamics.level, scene.hydrodynamics.lubrication_cutoff
+    ('stokesian', 0.005)
+    >>> scene.with_changes({"hydrodynamics.lubrication_cutoff": 1e-2}).hydrodynamics.lubrication_cutoff
+    0.01
+    """
 
     level: Literal[tuple(LEVELS)] = "stokesian"  # type: ignore[valid-type]  # known at run time
     """"free_draining": Stokes drag on each sphere by itself; "rotne_prager": far field of forces and torques;
@@ -137,7 +147,15 @@ class NumericsOfScene(Table):
 if TYPE_CHECKING:
 
     class Numerics(NumericsOfScene):
-        """With a table of keys for each scheme of `SCHEMES`, which a type checker does not see."""
+        """With a table of keys for each scheme of `SCHEMES`, which a type checker does not see.
+
+        Examples
+        --------
+        >>> import mcdem
+        >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+        >>> scene.numerics.scheme, scene.numerics.rotations
+        ('implicit', 8.0)
+        """
 
 else:
     Numerics = create_model(
@@ -150,7 +168,15 @@ else:
 
 
 class Population(Table):
-    """The sample of the suspension that is followed."""
+    """The sample of the suspension that is followed.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> scene.with_changes({"population.initial": 1000}).population.initial
+    1000
+    """
 
     initial: Annotated[int, Field(ge=2, le=10**6)] = 200
     """Number of primary particles, all free, at the start."""
@@ -164,7 +190,15 @@ class Population(Table):
 
 
 class Run(Table):
-    """When to stop, what to keep.  The command line may override it."""
+    """When to stop, what to keep.  The command line may override it.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> scene.with_changes({"run.until": "30 s", "run.seed": 2}).run.until
+    30.0
+    """
 
     until: Annotated[float, _PERIOD] | None = None
     """Process time at which the run stops."""
@@ -177,7 +211,19 @@ class Run(Table):
 
 
 class Scene(Table):
-    """All that a run depends on.  Two scenes are equal when their tables are, whatever their file's wording."""
+    """All that a run depends on.  Two scenes are equal when their tables are, whatever their file's wording.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+
+    The same suspension at half the stress, by a thinner medium:
+
+    >>> thinner = scene.with_changes({"flow.shear_stress": "500 Pa", "flow.shear_rate": "1e4 1/s"})
+    >>> thinner.flow.viscosity
+    0.05
+    """
 
     suspension: Suspension
     flow: Flow
@@ -472,7 +518,30 @@ def _offers(tables: dict[str, Any]) -> dict[tuple[str, str], str]:
 
 
 def load_scene(path: Path | str) -> Scene:
-    """Read and check a scene file; raises `SceneError` naming file, table, key, value and cure."""
+    """Read and check a scene file.
+
+    Parameters
+    ----------
+    path : str or Path
+        TOML file; its keys are those of `mcdem describe`.
+
+    Returns
+    -------
+    Scene
+        All values in SI units.
+
+    Raises
+    ------
+    SceneError
+        Where the file, a table, a key or a value cannot be used; it names them, what was expected and what to do.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> scene.flow.shear_stress, scene.suspension.radius
+    (1000.0, 5e-07)
+    """
     if not isinstance(path, str | os.PathLike):
         raise SceneError(f"{shown(path)}: expected the name of a scene file")
     try:

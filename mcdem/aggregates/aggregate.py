@@ -30,6 +30,14 @@ class Aggregate:
     springs : (B, 7) history of each contact between its spheres i (1) and j (2), lengths in radii of a primary, angles in
         radians, as `mcdem.effects.tangential` keeps it; None without one: contacts at rest, or of a scene without resistances
     radii : (P,) [m] of the primaries; None where the suspension has only one
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import mcdem
+    >>> doublet = mcdem.Aggregate(np.array([[0, 0, -0.5e-6], [0, 0, 0.5e-6]]), np.array([[0, 1]]))
+    >>> doublet.size, f"{doublet.outer_radius(0.5e-6):.1e} m"
+    (2, '1.0e-06 m')
     """
 
     positions: NDArray[np.float64]

@@ -104,6 +104,19 @@ def semi_axes(
     -------
     (A, 3) array
         [m].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mcdem.aggregates import semi_axes
+    >>> moments = np.array([[2.0e-12, 1.0e-12, 0.5e-12]])
+
+    Points at the centres alone, and with each primary as a sphere:
+
+    >>> semi_axes(moments, 0.5e-6).round(8).tolist()
+    [[3.16e-06, 2.24e-06, 1.58e-06]]
+    >>> semi_axes(moments, 0.5e-6, inertia="spheres").round(8).tolist()
+    [[3.2e-06, 2.29e-06, 1.66e-06]]
     """
     if radii is None or sizes is None:
         floor, own = np.array(radius), np.array(radius**2)
@@ -209,6 +222,18 @@ def population_morphology(
     -------
     xarray.Dataset
         Over ``aggregate``; its variables carry units and long names.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.aggregates import population_morphology
+    >>> import numpy as np
+    >>> doublet, chain = np.array([[-1, 0, 0], [1, 0, 0]]), np.array([[-2, 0, 0], [0, 0, 0], [2, 0, 0]])
+    >>> positions = 0.5e-6 * np.concatenate([doublet, chain])
+    >>> bonds = np.array([[0, 1], [0, 1], [1, 2]])
+    >>> found = population_morphology(positions, np.array([2, 3]), bonds, np.array([1, 2]), 0.5e-6)
+    >>> found["radius_of_gyration"].values.round(9).tolist()
+    [5e-07, 8.16e-07]
     """
     sizes = np.asarray(sizes, dtype=np.int64)
     bond_counts = np.asarray(bond_counts, dtype=np.int64)

@@ -22,11 +22,30 @@ def straight_chain(scene: Scene, count: int) -> Aggregate:
 
     Parameters
     ----------
-    count : primaries, 1 to 1000
+    scene : Scene
+        Whose primaries and contact law are taken; without a contact law they touch.
+    count : int
+        Primaries, 1 to 1000.
+
+    Returns
+    -------
+    Aggregate
+        Positions (count, 3) [m] about the centre of mass.
 
     Raises
     ------
-    UserError : of another count, or a scene whose primaries are of several radii
+    UserError
+        Of another count, or a scene whose primaries are of several radii.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.aggregates import straight_chain
+    >>> chain = straight_chain(mcdem.load_scene("scenes/paper-1000Pa.toml"), 3)
+    >>> chain.bonds.tolist()
+    [[0, 1], [1, 2]]
+    >>> [f"{z:.4e}" for z in chain.positions[:, 2]]
+    ['-9.9968e-07', '0.0000e+00', '9.9968e-07']
     """
     if not 1 <= count <= LONGEST_CHAIN:
         raise UserError(f"expected 1 to {LONGEST_CHAIN} primaries")
@@ -41,9 +60,31 @@ def read_aggregate(scene: Scene, path: Path | str) -> Aggregate:
 
     In a scene of several radii rows are x y z radius, in units of the largest.  Contacts are read off the gaps.
 
+    Parameters
+    ----------
+    scene : Scene
+        Whose primaries and contact law are taken.
+    path : str or Path
+        Text file of P rows.
+
+    Returns
+    -------
+    Aggregate
+        Positions (P, 3) [m] about the centre of mass, and its contacts.
+
     Raises
     ------
-    UserError : of a file that cannot be read or holds no such table, and of primaries that overlap or fall apart
+    UserError
+        Of a file that cannot be read or holds no such table, and of primaries that overlap or fall apart.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.aggregates import read_aggregate
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> cluster = read_aggregate(scene, "scenes/clusters/rod-27.txt")
+    >>> cluster.size, len(cluster.bonds), f"{2 * len(cluster.bonds) / cluster.size:.1f} contacts a primary"
+    (27, 75, '5.6 contacts a primary')
     """
     radius, several = scene.suspension.radius, scene.suspension.radii is not None
     try:

@@ -50,6 +50,13 @@ def in_convention(broken: xr.Dataset, convention: Convention) -> NDArray[np.bool
     -------
     (breakup,) booleans
         Which belong to it.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset, in_convention
+    >>> broken = RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc").late_breakups
+    >>> {name: int(in_convention(broken, name).sum()) for name in ("paper", "strict", "own")}
+    {'paper': 4370, 'strict': 505, 'own': 513}
     """
     by_itself = broken["by_itself"].values
     return np.isin(broken["outcome"].values, BROKEN[convention]) & (by_itself == (convention == "own"))
@@ -65,14 +72,38 @@ def breakups(
 ) -> xr.Dataset:
     """Parent and fragments of every breakup: the rows of all conventions (`in_convention` says which belong to which).
 
-    outcome, contact : (E,) outcomes' names, and whether the two aggregates touched
-    parent_sizes : (E, 2) primaries of the two aggregates
-    product_counts : (E,) aggregates that left
-    product_sizes, from_first : (sum products,) primaries of each, and how many came from the first aggregate
+    Parameters
+    ----------
+    outcome : (E,) of str
+        Names of the outcomes.
+    contact : (E,) of bool
+        Whether the two aggregates touched.
+    parent_sizes : (E, 2) of int
+        Primaries of the two aggregates.
+    product_counts : (E,) of int
+        Aggregates that left.
+    product_sizes : (sum of products,) of int
+        Primaries of each.
+    from_first : (sum of products,) of int
+        How many of them came from the first aggregate.
 
-    Returns, over ``breakup``: ``event`` (index into E), ``outcome``, ``by_itself`` (a row of the convention ``"own"``),
-    ``parent_size``, ``collider_size`` (mean of the two aggregates), ``fragments``, ``largest_fragment`` (as a fraction of
-    the parent).
+    Returns
+    -------
+    xarray.Dataset
+        Over ``breakup``: ``event`` (index into E), ``outcome``, ``by_itself`` (a row of the convention ``"own"``),
+        ``parent_size``, ``collider_size`` (mean of the two aggregates), ``fragments``, ``largest_fragment`` (as a fraction of
+        the parent).
+
+    Examples
+    --------
+    A doublet meets seven primaries; three aggregates leave:
+
+    >>> import numpy as np
+    >>> from mcdem.analysis import breakups
+    >>> one = np.array
+    >>> broken = breakups(one(["fragmentation"]), one([True]), one([[2, 7]]), one([3]), one([4, 3, 2]), one([0, 1, 1]))
+    >>> broken["parent_size"].values.tolist(), broken["fragments"].values.tolist()
+    ([9, 2, 7], [3, 2, 3])
     """
     first_product = np.cumsum(product_counts) - product_counts
     found: list[tuple[int, bool, NDArray[Any]]] = []
@@ -132,6 +163,14 @@ def summarise(
     -------
     dict
         {name: value}.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset, summarise
+    >>> broken = RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc").late_breakups
+    >>> found = summarise(broken, "paper")
+    >>> f"{found['breakups']:.0f} breakups, P_br = {found['P_br']:.1f} +- {2 * found['P_br_error']:.1f}"
+    '4370 breakups, P_br = 23.4 +- 0.1'
     """
     chosen = broken.isel(breakup=in_convention(broken, convention))
     count = chosen.sizes["breakup"]

@@ -31,6 +31,14 @@ class RunDataset:
 
     series : Dataset over ``row``: time, number_of_aggregates, volume, mean_size, size_deviation, sauter_diameter
     events : Dataset over ``event``; outcomes as words
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset
+    >>> run = RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc")
+    >>> average = run.average("mean_size")
+    >>> f"steady <P> = {average.mean:.1f} +- {average.error:.1f}"
+    'steady <P> = 10.6 +- 0.1'
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -240,6 +248,14 @@ def origins(population: xr.Dataset) -> NDArray[np.intp]:
     -------
     (aggregate,) integers
         The same for copies.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset, origins
+    >>> last = RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc").population(-1, rigidity=False)
+    >>> label = origins(last)
+    >>> len(label), len(set(label.tolist()))
+    (150, 120)
     """
     return origins_of(
         *(population[name].values for name in ("size", "bond_count", "radius_of_gyration", "outer_radius"))
@@ -260,6 +276,14 @@ def pool(datasets: Iterable[xr.Dataset], dim: str) -> xr.Dataset:
     -------
     xarray.Dataset
         All rows.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset, pool
+    >>> run = RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc")
+    >>> late = pool((run.population(s, rigidity=False) for s in (-2, -1)), "aggregate")
+    >>> late.sizes["aggregate"] == sum(len(run.aggregates(s)) for s in (-2, -1))
+    True
     """
     return xr.concat(list(datasets), dim, combine_attrs="drop_conflicts", join="exact")
 
@@ -321,5 +345,13 @@ def pooled_breakups(runs: Sequence[RunDataset], convention: Convention) -> dict[
     -------
     dict
         {name: value}, with 95 % limits.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset, pooled_breakups
+    >>> run = RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc")
+    >>> found = pooled_breakups([run], "paper")
+    >>> f"erosion: {found['erosion_share']:.2f} of the breakups"
+    'erosion: 0.00 of the breakups'
     """
     return summarise(pool([run.late_breakups for run in runs], "breakup"), convention)

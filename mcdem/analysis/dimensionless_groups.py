@@ -34,7 +34,16 @@ Verdict = Literal["fine", "note", "warning"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One number of a scene and what it says."""
+    """One number of a scene and what it says.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.analysis import check
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> [finding.name for finding in check(scene) if finding.verdict == "warning"]
+    []
+    """
 
     name: str
     value: float
@@ -44,7 +53,31 @@ class Finding:
 
 
 def check(scene: Scene) -> list[Finding]:
-    """All findings on a scene, the physics first, then the numerics."""
+    """All findings on a scene, the physics first, then the numerics.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is judged; nothing is run.
+
+    Returns
+    -------
+    list of Finding
+        Each a number without unit, a verdict and a sentence that holds the bound that decided.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.analysis import check
+
+    The same latex in water, where Brownian motion rivals the shear:
+
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> slow = scene.with_changes({"flow.shear_rate": "10 1/s", "flow.viscosity": "1 mPa s"})
+    >>> first = check(slow)[0]
+    >>> first.verdict, round(first.value, 1)
+    ('warning', 5.7)
+    """
     return [
         *_sizes(scene),
         *_left_out(scene),

@@ -98,6 +98,14 @@ def compare(runs: Sequence[RunDataset]) -> list[Row]:
     -------
     list of Row
         Measured and printed, with limits.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset, compare
+    >>> rows = compare([RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc")])
+    >>> row = rows[0]
+    >>> f"{row.quantity}: printed {row.printed}, here {row.measured:.2f}"
+    'collision efficiency η₁₁ (Eq. 23): printed 0.074, here 0.08'
     """
     scene = runs[0].scene
     rows: list[Row] = []

@@ -155,6 +155,20 @@ def fit_power_law(
     x, y : (A,) positive numbers, in any unit
     origin : (A,) labels; None takes points that are equal to nine digits for copies of one another
     minimum : what is asked for
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mcdem.analysis import fit_power_law
+    >>> size = np.arange(2.0, 40.0)
+    >>> law = fit_power_law(size, 3.0 * size**0.5)
+    >>> round(law.exponent, 3), round(law.prefactor, 3)
+    (0.5, 3.0)
+
+    Two sizes bear no exponent:
+
+    >>> fit_power_law(np.array([10.0, 20.0]), np.array([1.0, 2.0])) is None
+    True
     """
     points = np.log(np.column_stack([np.asarray(x, dtype=float), np.asarray(y, dtype=float)]))
     if not len(points):
@@ -217,6 +231,15 @@ def fit_mass_size(
         for P; "length": ln P against ln length. Aggregates of one P differ in shape, so the exponents differ by the square of
         the correlation: in the suspension of Frungieri & Vanni at 1000 Pa 1.7 and 1.5. They do not say which was theirs.
     origin : (A,) labels of what is not independent (`origins_of`); None takes those equal to nine digits for copies
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset, fit_mass_size
+    >>> run = RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc")
+    >>> last = run.population(-1, rigidity=False)
+    >>> law = fit_mass_size(last["size"], last["radius_of_gyration"], run.radius)
+    >>> f"P ~ R_g^{law.exponent:.1f}"
+    'P ~ R_g^1.6'
     """
     p, length = np.asarray(sizes, dtype=float), np.asarray(lengths, dtype=float)
     fitted = p >= SMALLEST_FITTED
@@ -268,7 +291,15 @@ whose memory is a 10th, a 20th, a 40th of the stretch (Ornstein & Uhlenbeck's pr
 
 @dataclass(frozen=True)
 class TimeAverage:
-    """Mean of a series over a stretch of time."""
+    """Mean of a series over a stretch of time.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset
+    >>> average = RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc").average("sauter_diameter")
+    >>> f"{average.mean * 1e6:.2f} um from {average.start:.0f} to {average.stop:.0f} s"
+    '4.11 um from 60 to 120 s'
+    """
 
     mean: float
     error: float
@@ -342,7 +373,15 @@ EARLIEST_STARTS = np.arange(0.0, 0.61, 0.1)
 
 @dataclass(frozen=True)
 class SteadyState:
-    """Whether and from when a run is steady."""
+    """Whether and from when a run is steady.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset
+    >>> steady = RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc").steady
+    >>> steady.reached, steady.start
+    (True, 59.99899482727051)
+    """
 
     reached: bool
     start: float
@@ -383,6 +422,20 @@ def find_steady_state(
     series : by name, values (T,) that hold from each time to the next
     turnovers : (T,) aggregates born until then, over the number there is; not asked for when None
     largest_change : by name of a series, the relative difference of the halves to be ruled out; LARGEST_CHANGE for the rest
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mcdem.analysis import find_steady_state
+    >>> time = np.linspace(0.0, 100.0, 2001)
+    >>> scatter = 0.2 * np.random.default_rng(1).standard_normal(len(time))
+
+    Growth towards 10 with a time of 5 s is steady after a few of these; growth that goes on is not:
+
+    >>> find_steady_state(time, {"<P>": 10.0 * (1.0 - np.exp(-time / 5.0)) + scatter}).start < 40.0
+    True
+    >>> find_steady_state(time, {"<P>": 1.0 + 0.1 * time + scatter}).reached
+    False
     """
     t = np.asarray(times, dtype=float)
     if not len(t):

@@ -78,7 +78,15 @@ class Kernels(NamedTuple):
 
 
 class EffectsOfScene(Table):
-    """Each effect that the scene calls for, with all its parameters; the others are absent."""
+    """Each effect that the scene calls for, with all its parameters; the others are absent.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> effects = mcdem.load_scene("scenes/paper-1000Pa.toml").effects
+    >>> effects.double_layer is None, effects.van_der_waals.hamaker_constant
+    (True, 9.7e-21)
+    """
 
     def get(self, name: str) -> Any:
         """The table of an effect, None if the scene does not call for it."""

@@ -39,6 +39,17 @@ class Trajectory:
     parent : (N,) 0 for primaries of aggregate i, 1 for those of j
     origin : what made it: scene text, outcome, seed, ...
     radii : (N,) [m] of primaries of several radii, else None
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mcdem.encounter import Trajectory
+    >>> time, parent = np.array([0.0, 1e-4]), np.array([0, 1])
+    >>> positions = 1e-6 * np.array([[[0, 0, 0], [0, 1, -4]], [[0, 0, 0], [0, 1, 4]]])
+    >>> no_bond = np.full((2, 2, 2), np.nan)
+    >>> passage = Trajectory(0.5e-6, 1e4, np.nan, time, positions, no_bond, parent)
+    >>> passage.positions.shape
+    (2, 2, 3)
     """
 
     radius: float
@@ -253,6 +264,22 @@ def read(path: Path | str) -> Trajectory:
     ------
     DataFileError
         Of any other file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from mcdem.encounter import Trajectory, export, read
+    >>> positions = 1e-6 * np.array([[[0, 0, 0], [0, 1, -4]], [[0, 0, 0], [0, 1, 4]]])
+    >>> passage = Trajectory(
+    ...     0.5e-6, 1e4, np.nan, np.array([0.0, 1e-4]), positions, np.full((2, 2, 2), np.nan), np.array([0, 1])
+    ... )
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     export(passage, Path(folder) / "passage.nc")
+    ...     again = read(Path(folder) / "passage.nc")
+    >>> np.allclose(again.positions, positions)
+    True
     """
     with FILES.reading(path, EXPECTED):
         with xr.open_dataset(path, decode_times=False, mask_and_scale=False) as opened:
@@ -376,6 +403,21 @@ def export(trajectory: Trajectory, path: Path | str) -> None:
     ------
     UserError
         Where no trajectory of this name may be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from mcdem.encounter import Trajectory, export
+    >>> positions = 1e-6 * np.array([[[0, 0, 0], [0, 1, -4]], [[0, 0, 0], [0, 1, 4]]])
+    >>> passage = Trajectory(
+    ...     0.5e-6, 1e4, np.nan, np.array([0.0, 1e-4]), positions, np.full((2, 2, 2), np.nan), np.array([0, 1])
+    ... )
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     export(passage, Path(folder) / "passage.xyz")
+    ...     print((Path(folder) / "passage.xyz").read_text().splitlines()[0])
+    2
     """
     path = Path(path)
     check(path)

@@ -57,6 +57,13 @@ class Flow(Table):
     """The undisturbed flow: simple shear u = (0, 0, g y), with gradient along y and vorticity along x, or another linear flow.
 
     The file gives exactly two of `shear_rate`, `viscosity` and `shear_stress`; the third follows.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> flow = mcdem.load_scene("scenes/paper-1000Pa.toml").flow
+    >>> flow.kind, flow.shear_rate, flow.viscosity, flow.shear_stress
+    ('simple_shear', 10000.0, 0.1, 1000.0)
     """
 
     kind: Literal[

@@ -6,7 +6,15 @@ from typing import NamedTuple
 
 
 class ReducedUnits(NamedTuple):
-    """SI values of the units of the compiled code: a single sphere has translational resistance 1 in them."""
+    """SI values of the units of the compiled code: a single sphere has translational resistance 1 in them.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> unit = mcdem.load_scene("scenes/paper-1000Pa.toml").reduced
+    >>> f"{unit.length:.1e} m, {unit.time:.1e} s, {unit.force * 1e9:.2f} nN"
+    '5.0e-07 m, 1.0e-04 s, 4.71 nN'
+    """
 
     length: float
     """a [m]"""

@@ -22,7 +22,15 @@ _SHARE = DIMENSIONLESS.positive.between("1e-12", "1")
 
 
 class Suspension(Table):
-    """The primary particles and how many of them there are."""
+    """The primary particles and how many of them there are.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> suspension = mcdem.load_scene("scenes/two-sizes.toml").suspension
+    >>> suspension.radius == max(suspension.radii), suspension.number_fractions
+    (True, (0.5, 0.5))
+    """
 
     radius: Annotated[float, _RADIUS] = FROM_THE_OTHERS
     """Radius a of the primary particles; where `radii` are given instead, the largest of them."""

@@ -152,12 +152,31 @@ def si(name: str, given: object, quantity: Quantity, shape: tuple[int | None, ..
 
     Parameters
     ----------
-    name : of the argument, for the message
-    given : a number (in SI units), text with a unit, a quantity of pint, or for an array these in lists, an array, or an
-        array with a unit of pint
-    shape : of the array, with None for any length along an axis; () for one number
+    name : str
+        Of the argument, for the message.
+    given : number, str, quantity of pint, or array_like
+        A number in SI units, text with a unit, or a quantity of pint; for an array these in lists, an array, or an array with
+        a unit of pint.
+    quantity : Quantity
+        Dimension and limits that are asked for.
+    shape : tuple of int or None
+        Of the array, with None for any length along an axis; () for one number.
 
-    Raises `UserError`, one line: the name, what was given, what is expected.
+    Returns
+    -------
+    float or ndarray
+        In SI units.
+
+    Raises
+    ------
+    UserError
+        One line: the name, what was given, what is expected.
+
+    Examples
+    --------
+    >>> from mcdem.quantities import LENGTH, si
+    >>> si("radius", "150 nm", LENGTH)
+    1.5e-07
     """
     if shape == ():
         try:
