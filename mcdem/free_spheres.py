@@ -33,6 +33,17 @@ class Velocities:
     """linear (N, 3) [m/s], angular (N, 3) [1/s], stresslet (N, 3, 3) [N m], symmetric and traceless.
 
     The stresslet is the one that a free sphere adds to the suspension's stress: + 20/3 pi mu a^3 E for a single one.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/free-draining-1000Pa.toml")
+    >>> found = mcdem.velocities(scene, [[0.0, 0.0, 0.0]])
+
+    Einstein's viscosity is this stresslet times the number of spheres in a volume:
+
+    >>> f"{found.stresslet[0, 1, 2] / (10 / 3 * 3.14159 * scene.flow.shear_stress * (0.5e-6) ** 3):.3f}"
+    '1.000'
     """
 
     linear: NDArray[np.float64]
@@ -75,6 +86,17 @@ def velocities(
     ------
     UserError
         Of wrong shapes, numbers that are not finite, or spheres that overlap grossly.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/free-draining-1000Pa.toml")
+
+    A sphere alone goes with the flow, u = g y along z, and spins at half the shear rate:
+
+    >>> found = mcdem.velocities(scene, [[0.0, 1e-6, 0.0]])
+    >>> found.linear.round(6).tolist(), abs(found.angular.round(3)).tolist()
+    ([[0.0, 0.0, 0.01]], [[5000.0, 0.0, 0.0]])
     """
     scene_at_door(scene)
     x = si("positions", positions, LENGTH, (None, 3))

@@ -474,6 +474,20 @@ def tabulate(
     progress : called with a `TableProgress`
     encounter : resolves an encounter, `simulate_encounter` or anything of its form
     checkpoint_every : longest time between two writings [s]
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import mcdem
+    >>> import pbekit
+    >>> scene = mcdem.load_scene("scenes/paper-1500Pa.toml")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     table = Path(folder) / "kernels.nc"
+    ...     summary = mcdem.tabulate(scene, table, ["notebooks/data/run-1500Pa-of-100.nc"])
+    ...     records = pbekit.open_table(table).records
+    >>> len(records.size)
+    105400
     """
     path, seed = Path(output), checked(scene.run.seed if seed is None else seed)
     scene.require_one_radius("a table for the balance counts equal primaries")

@@ -56,6 +56,13 @@ class PairEfficiency:
     unresolved_error : flux of the offsets whose approach is longer than `numerics.longest_approach`
     angles : (rays,) [rad] from the vorticity axis;  distances : (rays,) [m] from the centre to the boundary of capture
     encounters : how many were followed
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> found = mcdem.pair_efficiency(mcdem.load_scene("scenes/paper-1000Pa.toml"), rays=2)
+    >>> found.distances.shape, bool(found.error < found.efficiency)
+    ((2,), True)
     """
 
     efficiency: float
@@ -92,6 +99,14 @@ def pair_efficiency(
     ------
     UserError
         Of a scene in which nothing can stick.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> found = mcdem.pair_efficiency(scene, rays=2)
+    >>> f"eta_11 = {found.efficiency:.3f}"
+    'eta_11 = 0.073'
     """
     scene_at_door(scene)
     if whole_number("rays", rays, 2, 1000) % 2:
@@ -162,6 +177,13 @@ def critical_offset(scene: Scene, x0: float | str) -> float:
     ------
     UserError
         Of x0 outside the circle of radius 2a.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> f"{mcdem.critical_offset(scene, '0.1 um') / scene.suspension.radius:.3f} radii"
+    '0.808 radii'
     """
     scene_at_door(scene)
     radius = scene.suspension.radius

@@ -64,6 +64,15 @@ class Recorder:
     time : (F,) [s];  positions : (F, N, 3) [m];  tension : (F, N, N) [N], nan where there is no contact
     parent : (N,) 0 for primaries of i, 1 for those of j
     radii : (N,) [m] of the primaries, None where the suspension has only one
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> primary, course = mcdem.Aggregate.monomer(), mcdem.Recorder(interval=0.5)
+    >>> result = mcdem.simulate_encounter(scene, primary, primary, offset=("0.1 um", "0.9 um"), seed=1, record=course)
+    >>> course.positions.shape[1:]
+    (2, 3)
     """
 
     interval: float = 0.25
@@ -96,6 +105,15 @@ class EncounterResult:
     reason : why it is unresolved, else empty; the products are then the parents as they were
     state : positions (N, 3) [m] at which an unresolved encounter stopped, else None
     machine : on what kind of machine it was followed (`mcdem.netcdf.origin`), where a run or a table asked for it
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> primary = mcdem.Aggregate.monomer()
+    >>> result = mcdem.simulate_encounter(scene, primary, primary, offset=("0.1 um", "0.1 um"), seed=1)
+    >>> result.products[0].size, result.contact
+    (2, True)
     """
 
     outcome: str
@@ -208,15 +226,48 @@ def simulate_encounter(
 ) -> EncounterResult:
     """Follow one encounter to its end.
 
-    aggregate_i, aggregate_j : an `Aggregate`, or positions (P, 3) [m] whose contacts are read off the gaps
-    offset : (x0, y0) of j's centre at the start, in other flows as `inflow` says; numbers in m, text or quantities of pint with
-        a unit; drawn by the flux if None
-    seed : of the orientations and the offset: an integer from 0 on, a `numpy.random.Generator`, or None
-    record : keeps the course of the encounter
-    orient : False leaves the aggregates in the orientations given
+    Parameters
+    ----------
+    scene : Scene
+        Flow, effects, hydrodynamics and numerics.
+    aggregate_i, aggregate_j : Aggregate or array_like, (P, 3) [m]
+        What meets; of positions contacts are read off the gaps.
+    offset : tuple of two floats or str
+        (x0, y0) of j's centre at the start, in other flows than simple shear as `inflow` says; numbers in m, text or quantities
+        of pint with a unit; drawn by the flux if None.
+    seed : int or numpy.random.Generator
+        Of the orientations and the offset.
+    record : Recorder
+        Keeps the course of the encounter.
+    orient : bool
+        False leaves the aggregates in the orientations given.
 
-    Raises `UserError` for what is no scene, aggregates that overlap grossly or fall apart, an offset outside the start's
-    distance, and a seed or a recorder that cannot be.
+    Returns
+    -------
+    EncounterResult
+        Outcome, products, times and loads.
+
+    Raises
+    ------
+    UserError
+        Of what is no scene, aggregates that overlap grossly or fall apart, an offset outside the start's distance, and a seed or
+        a recorder that cannot be.
+
+    References
+    ----------
+    Frungieri & Vanni (2021), Powder Technol. 388, 357-370, Sec. 2.3.
+
+    Examples
+    --------
+    Two primaries that nearly collide head-on:
+
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> primary = mcdem.Aggregate.monomer()
+    >>> mcdem.simulate_encounter(scene, primary, primary, offset=("0.1 um", "0.1 um"), seed=1).outcome
+    'aggregation'
+    >>> mcdem.simulate_encounter(scene, primary, primary, offset=("0.1 um", "0.9 um"), seed=1).outcome
+    'missed'
     """
     scene_at_door(scene)
     rng = generator_at_door(seed)

@@ -35,6 +35,18 @@ def worst_loads(scene: Scene, aggregates: Sequence[Aggregate]) -> NDArray[np.flo
     -------
     (A,) array
         [-].
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.aggregates import straight_chain
+    >>> from mcdem.encounter import worst_loads
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+
+    A doublet bears less than half of the force that would part it:
+
+    >>> worst_loads(scene, [straight_chain(scene, 2)]).round(3).tolist()
+    [0.373]
     """
     scene_at_door(scene)
     aggregates = [Aggregate.at_door(scene, a, str(k)) for k, a in enumerate(aggregates)]

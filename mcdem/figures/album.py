@@ -79,6 +79,15 @@ def figures_of(
     runs : of any stresses, in any order; those of one stress are replicas
     trajectories : of encounters
     left_out : called with a line of its name and why for each figure that would show nothing
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.figures import figures_of
+    >>> run = mcdem.open_run("notebooks/data/run-750Pa-of-100.nc")
+    >>> first = next(figures_of([run]))
+    >>> first.name
+    'fig05_pair_force'
     """
     ordered = sorted(runs, key=lambda run: run.stress)
     groups = by_stress(ordered)
@@ -104,8 +113,22 @@ def draw_all(
 
     Parameters
     ----------
-    files : datasets of `mcdem run`, and trajectories of `mcdem encounter`, in any order
-    left_out : as of `figures_of`
+    files : sequence of Path
+        Datasets of `mcdem run`, and trajectories of `mcdem encounter`, in any order.
+    directory : Path
+        Made if it is not there.
+    left_out : callable
+        Called with a line of its name and why for each figure that would show nothing.
+
+    Yields
+    ------
+    Path
+        Of a picture; its numbers lie beside it as NetCDF.
+
+    Raises
+    ------
+    DataFileError
+        Of a file that is neither.
     """
     runs, trajectories = [], []
     for file in files:
@@ -123,7 +146,31 @@ def draw_all(
 
 
 def plot_run(file: Path, output: Path) -> None:
-    """<P>(t) and d32(t) of one run, with the slope of Eq. 22 at the start."""
+    """Draw <P>(t) and d32(t) of one run, with the slope of Eq. 22 of Frungieri & Vanni (2021) at the start.
+
+    Parameters
+    ----------
+    file : Path
+        Dataset of `mcdem run`.
+    output : Path
+        Picture to write; its ending says in which format.
+
+    Raises
+    ------
+    DataFileError
+        Of another file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from mcdem.figures import plot_run
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     picture = Path(folder) / "growth.png"
+    ...     plot_run(Path("notebooks/data/run-750Pa-of-100.nc"), picture)
+    ...     print(picture.exists())
+    True
+    """
     numbers = early_growth.course(RunDataset(file))
     with look():
         canvas = early_growth.draw_course(numbers)

@@ -37,7 +37,32 @@ def percent(value: float, low: float, high: float) -> str:
 
 
 def critical_size(runs: Sequence[RunDataset]) -> Figure:
-    """Fig. 15: size just before breakup and mean size at steady state against shear stress."""
+    """Size just before breakup and mean size at steady state against shear stress (Frungieri & Vanni 2021, Fig. 15).
+
+    Parameters
+    ----------
+    runs : sequence of RunDataset
+        Of two or more stresses; those of one stress are replicas.
+
+    Returns
+    -------
+    Figure
+        Its numbers, and what draws them.
+
+    Raises
+    ------
+    NothingToShowError
+        Of runs at one stress alone.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset
+    >>> from mcdem.figures import critical_size
+    >>> runs = [RunDataset(f"notebooks/data/run-{name}.nc") for name in ("875Pa-of-100", "1000Pa-of-100-seed-2")]
+    >>> figure = critical_size(runs)
+    >>> figure.numbers["stress"].values.tolist()
+    [875.0, 1000.0]
+    """
     groups = by_stress(runs)
     stresses = np.array(list(groups))
     if len(groups) < 2:

@@ -81,7 +81,31 @@ def chosen_shapes(run: RunDataset, count: int = 3) -> list[int]:
 
 
 def cluster_pictures(runs: Sequence[RunDataset]) -> Figure:
-    """Fig. 10: three aggregates of rising size from each stress, in their outer sphere and ellipsoid."""
+    """Three aggregates of rising size from each stress, in their outer sphere and ellipsoid (Frungieri & Vanni 2021, Fig. 10).
+
+    Parameters
+    ----------
+    runs : sequence of RunDataset
+        Of any stresses; those of one stress are replicas.
+
+    Returns
+    -------
+    Figure
+        Its numbers, and what draws them.
+
+    Raises
+    ------
+    NothingToShowError
+        Where the datasets hold nothing of it.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset
+    >>> from mcdem.figures import cluster_pictures
+    >>> figure = cluster_pictures([RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc")])
+    >>> figure.name, dict(figure.numbers.sizes)
+    ('fig10_clusters', {'aggregate': 3, 'primary': 43, 'axis': 3})
+    """
     firsts = [group[0] for group in by_stress(runs).values()]
     numbers = _collected([(run, k) for run in firsts for k in chosen_shapes(run)])
     numbers.attrs["paper"] = int(

@@ -62,7 +62,31 @@ def initial_stretch(run: RunDataset) -> float:
 
 
 def initial_growth(runs: Sequence[RunDataset]) -> Figure:
-    """The start of the run of the lowest stress against Eq. 22, the inset of Fig. 6a."""
+    """The start of the run of the lowest stress against Eq. 22 of Frungieri & Vanni (2021), the inset of their Fig. 6a.
+
+    Parameters
+    ----------
+    runs : sequence of RunDataset
+        Of any stresses; those of one stress are replicas.
+
+    Returns
+    -------
+    Figure
+        Its numbers, and what draws them.
+
+    Raises
+    ------
+    NothingToShowError
+        Where the datasets hold nothing of it.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset
+    >>> from mcdem.figures import initial_growth
+    >>> figure = initial_growth([RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc")])
+    >>> figure.name, dict(figure.numbers.sizes)
+    ('fig06a_initial_growth', {'early': 935})
+    """
     run = runs[0]
     return Figure(
         "fig06a_initial_growth",

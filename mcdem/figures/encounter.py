@@ -59,7 +59,18 @@ def moments(t: Trajectory) -> dict[str, int]:
 
 
 def snapshots(t: Trajectory) -> Figure:
-    """Fig. 14 from the course of an encounter."""
+    """Frames of an encounter side by side, from start to end (Frungieri & Vanni 2021, Fig. 14).
+
+    Parameters
+    ----------
+    t : Trajectory
+        Course of an encounter.
+
+    Returns
+    -------
+    Figure
+        Its numbers, and what draws them.
+    """
     found = moments(t)
     numbers = t.to_xarray().isel(frame=list(found.values())).assign_coords(moment=("frame", list(found)))
     numbers.attrs.pop("scene", None)

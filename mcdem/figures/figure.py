@@ -20,12 +20,32 @@ Draw = Callable[[xr.Dataset], Canvas]
 
 
 class NothingToShowError(UserError):
-    """Why a figure is left out: an empty one would say that there is nothing, not that nothing was seen."""
+    """Why a figure is left out: an empty one would say that there is nothing, not that nothing was seen.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset
+    >>> from mcdem.figures import NothingToShowError, critical_size
+    >>> try:
+    ...     critical_size([RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc")])
+    ... except NothingToShowError as why:
+    ...     print(why)
+    fig15_critical_size: needs runs at two or more stresses, there is one
+    """
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure to be: its file name, its caption, its numbers and what draws them."""
+    """A figure to be: its file name, its caption, its numbers and what draws them.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.figures import pair_force
+    >>> figure = pair_force(mcdem.load_scene("scenes/paper-1000Pa.toml"))
+    >>> figure.named("forces").name
+    'forces'
+    """
 
     name: str
     caption: str

@@ -139,11 +139,30 @@ def film(
     whole: bool = False,
     progress: Callable[[str, float], None] = lambda state, share: None,
 ) -> Path:
-    """Write an encounter as MP4 (H.264) or GIF, by the file's ending; returns the path.
+    """Write an encounter as MP4 (H.264) or GIF, by the file's ending.
 
-    width : of the picture in pixels, 720 for MP4 and 440 for GIF by default
-    whole : from the first frame to the last, not only from shortly before contact to shortly after the last change
-    progress : called with each picture that is drawn, in words, and the share of them that are
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Course of an encounter.
+    path : Path or str
+        Ends in .mp4 (needs imageio-ffmpeg, of `pip install 'pbekit[view]'`) or .gif.
+    width : int
+        Of the picture in pixels; 720 for MP4 and 440 for GIF by default.
+    whole : bool
+        From the first frame to the last, not only from shortly before contact to shortly after the last change.
+    progress : callable
+        Called with each picture that is drawn, in words, and the share of them that are.
+
+    Returns
+    -------
+    Path
+        Of the film.
+
+    Raises
+    ------
+    UserError
+        Of another ending, or without what writes MP4.
     """
     path = Path(path)
     require_writer(path)

@@ -40,7 +40,32 @@ FARTHEST, WEAKEST = 0.3, 1e-6
 
 
 def pair_force(scene: Scene) -> Figure:
-    """Fig. 5, from the scene's own laws: each pair force, their sum, and the contact's."""
+    """Forces between two primaries against their gap, from the scene's own laws: each pair force, their sum, and the contact's
+    (Frungieri & Vanni 2021, Fig. 5).
+
+    Parameters
+    ----------
+    scene : Scene
+        Whose effects are drawn.
+
+    Returns
+    -------
+    Figure
+        Its numbers [N] over the gap [m], and what draws them.
+
+    Raises
+    ------
+    NothingToShowError
+        Of a scene without forces between primaries.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.figures import pair_force
+    >>> figure = pair_force(mcdem.load_scene("scenes/dlvo-barrier.toml"))
+    >>> sorted(figure.numbers.data_vars)
+    ['each_apart', 'each_far', 'equilibrium_gap', 'force_apart', 'force_attached', 'force_far', 'gap_apart', 'gap_attached', 'gap_far', 'pull_off_force', 'pull_off_gap']
+    """
     effects, units = scene.effects, scene.reduced
     apart_laws, contact_laws = effects.present(PairForce), effects.present(ContactLaw)
     if not apart_laws and not contact_laws:

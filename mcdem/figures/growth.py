@@ -111,7 +111,31 @@ def _draw_history(numbers: xr.Dataset, name: str, label: str) -> Canvas:
 
 
 def mean_size(runs: Sequence[RunDataset]) -> Figure:
-    """Fig. 6a; its inset is `initial_growth`."""
+    """Mean size <P> against process time (Frungieri & Vanni 2021, Fig. 6a; its inset is `initial_growth`).
+
+    Parameters
+    ----------
+    runs : sequence of RunDataset
+        Of any stresses; those of one stress are replicas.
+
+    Returns
+    -------
+    Figure
+        Its numbers, and what draws them.
+
+    Raises
+    ------
+    NothingToShowError
+        Where the datasets hold nothing of it.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset
+    >>> from mcdem.figures import mean_size
+    >>> figure = mean_size([RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc")])
+    >>> figure.name, dict(figure.numbers.sizes)
+    ('fig06a_mean_size', {'run': 1, 'row': 2895})
+    """
     return Figure(
         "fig06a_mean_size",
         "Mean aggregate size <P> against process time.",
@@ -126,7 +150,31 @@ def draw_mean_size(numbers: xr.Dataset) -> Canvas:
 
 
 def sauter_diameter(runs: Sequence[RunDataset]) -> Figure:
-    """Fig. 6b."""
+    """Sauter diameter d32 against process time (Frungieri & Vanni 2021, Fig. 6b).
+
+    Parameters
+    ----------
+    runs : sequence of RunDataset
+        Of any stresses; those of one stress are replicas.
+
+    Returns
+    -------
+    Figure
+        Its numbers, and what draws them.
+
+    Raises
+    ------
+    NothingToShowError
+        Where the datasets hold nothing of it.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset
+    >>> from mcdem.figures import sauter_diameter
+    >>> figure = sauter_diameter([RunDataset("notebooks/data/run-1000Pa-of-100-seed-2.nc")])
+    >>> figure.name, dict(figure.numbers.sizes)
+    ('fig06b_sauter_diameter', {'run': 1, 'row': 3900})
+    """
     numbers = history(runs, "sauter_diameter", 1e6)
     for name in ("sauter_diameter", "steady_mean", "steady_error"):
         numbers[name].attrs["units"] = "um"

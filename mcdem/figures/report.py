@@ -112,7 +112,28 @@ def _too_long(run: RunDataset) -> str:
 
 
 def warnings(run: RunDataset) -> Iterator[str]:
-    """What a reader should know before believing a number."""
+    """What a reader should know before believing a number.
+
+    Parameters
+    ----------
+    run : RunDataset
+        What is read.
+
+    Yields
+    ------
+    str
+        A sentence each: no steady state, few breakups, unresolved encounters and the like.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset
+    >>> from mcdem.figures import warnings
+    >>> for sentence in warnings(RunDataset("notebooks/data/run-750Pa-of-100.nc")):
+    ...     print(sentence[:60])
+    No steady state: σ_P may still change by 22% from half to ha
+    2 encounters were left unresolved (0.00%, 95 % limits 0.00% 
+    The sample was doubled 4 times by exact copy: its aggregates
+    """
     if not run.steady.reached:
         yield (
             f"No steady state: {run.steady.reason}. Steady means: {STEADY_TEST}. Numbers called steady are those of "
@@ -141,7 +162,23 @@ def warnings(run: RunDataset) -> Iterator[str]:
 
 
 def report(file: Path | str) -> str:
-    """HTML of the report of one run, all in one file."""
+    """HTML of the report of one run, all in one file.
+
+    Parameters
+    ----------
+    file : Path or str
+        Dataset of `mcdem run`.
+
+    Returns
+    -------
+    str
+        A page that needs no network.
+
+    Raises
+    ------
+    DataFileError
+        Of another file.
+    """
     run = RunDataset(file)
     run.scene.require_one_radius("the report is made of the paper's figures; `mcdem plot` draws its course")
     if not run.events.sizes["event"]:

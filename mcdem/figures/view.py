@@ -56,7 +56,23 @@ def page_of(file: Path, snapshot: int = -1) -> str:
 
 
 def encounter_page(t: Trajectory) -> str:
-    """HTML of an encounter: primaries by parent, bonds by tension, in the frame of the pair; its time is the strain."""
+    """HTML of an encounter: primaries by parent, bonds by tension, in the frame of the pair; its time is the strain.
+
+    Parameters
+    ----------
+    t : Trajectory
+        Of `mcdem.encounter.read`; needs k3d (`pip install 'pbekit[view]'`).
+
+    Returns
+    -------
+    str
+        A page to turn and play in a browser, without a network.
+
+    Raises
+    ------
+    UserError
+        Without k3d.
+    """
     k3d = _k3d()
     t = interesting(t)
     t = t.part(0, t.frames, max(1, -(-t.frames // MOST_FRAMES)))
@@ -114,7 +130,25 @@ def encounter_page(t: Trajectory) -> str:
 
 
 def population_page(run: RunDataset, snapshot: int = -1) -> str:
-    """HTML of a run's snapshot: its aggregates on a shelf, by size, each by its own colour."""
+    """HTML of a run's snapshot: its aggregates on a shelf, by size, each by its own colour.
+
+    Parameters
+    ----------
+    run : RunDataset
+        What is shown; needs k3d (`pip install 'pbekit[view]'`).
+    snapshot : int
+        Which of `run.snapshot_times`; the last by default.
+
+    Returns
+    -------
+    str
+        A page to turn in a browser, without a network.
+
+    Raises
+    ------
+    UserError
+        Without k3d.
+    """
     k3d = _k3d()
     sizes = run.population(snapshot, rigidity=False)["size"].values
     radii = run.population(snapshot, rigidity=False)["outer_radius"].values / run.radius

@@ -58,13 +58,36 @@ EXACT = frozenset({"checkpoint", "kept"})
 
 
 def compress(source: Path | str, target: Path | str, every: float | None = None) -> None:
-    """Write the dataset `source` of `mcdem run` to `target`, smaller.
+    """Write a dataset of `mcdem run` again, smaller.
 
-    every : time between the snapshots that are kept [s], None for all; the first, the last two, and those that come next
-    after each multiple of it
+    Parameters
+    ----------
+    source : Path or str
+        Dataset of `mcdem run`.
+    target : Path or str
+        File to write.
+    every : float
+        Time between the snapshots that are kept [s], None for all; the first, the last two, and those that come next after each
+        multiple of it.
 
-    Raises `DataFileError` where `source` is no whole dataset of `mcdem run`, or `target` is the same file, no dataset of
-    `mcdem run`, or one that a run is writing; `UserError` where `every` is not above 0.
+    Raises
+    ------
+    DataFileError
+        Where `source` is no whole dataset of `mcdem run`, or `target` is the same file, no dataset of `mcdem run`, or one that a
+        run is writing.
+    UserError
+        Where `every` is not above 0.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import mcdem
+    >>> from mcdem.monte_carlo import compress
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     compress("notebooks/data/run-750Pa-of-100.nc", Path(folder) / "run.nc", every=60.0)
+    ...     len(mcdem.open_run(Path(folder) / "run.nc").snapshot_times)
+    4
     """
     source, target = Path(source), Path(target)
     if every is not None and not 0.0 < every < math.inf:

@@ -37,7 +37,19 @@ SHARE_OF_WRITING = 0.02
 
 @dataclass(frozen=True)
 class RunProgress:
-    """Where a run stands."""
+    """Where a run stands.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import mcdem
+    >>> scene, seen = mcdem.load_scene("scenes/paper-1000Pa.toml"), []
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     summary = mcdem.run(scene, Path(folder) / "run.nc", events=20, progress=seen.append)
+    >>> seen[-1].events, seen[-1].done
+    (20, 1.0)
+    """
 
     time: float
     """Process time [s]."""
@@ -64,7 +76,19 @@ class RunProgress:
 
 @dataclass(frozen=True)
 class RunSummary:
-    """What a call of `run` did."""
+    """What a call of `run` did.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     summary = mcdem.run(scene, Path(folder) / "run.nc", events=20)
+    >>> summary.events, sum(summary.outcomes.values())
+    (20, 20)
+    """
 
     path: Path
     time: float
@@ -128,6 +152,18 @@ def run(
     The dataset is the same, bit for bit, for any number of workers of one kind of machine (`mcdem.netcdf.origin`); where kinds
     are mixed, in one call or by `resume`, it warns (`MachineWarning`).
     Raises `UserError` for what the user can mend; `ExecutorError`, the dataset written, for whatever befell the executor.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     summary = mcdem.run(scene, Path(folder) / "run.nc", events=100)
+    ...     run = mcdem.open_run(summary.path)
+    >>> summary.events, f"{len(run.series.time)} rows"
+    (100, '101 rows')
     """
     scene_at_door(scene)
     end, events = stop_at_door(until, events)

@@ -209,15 +209,38 @@ def sweep(
 ) -> list[Member]:
     """Run what of a sweep is not finished, each member on one worker of `executor`.
 
+    A member that fails does not stop the others; Ctrl-C, SIGTERM and SIGHUP let each write its dataset.
+
     Parameters
     ----------
-    folder : of the datasets and the index; made if it is not there
-    settings : dotted key -> values, as in the scene file
-    seed, until, events : as for `mcdem.run`
-    progress : called with each member when it is done, has failed or was interrupted
+    scene : Scene
+        What is changed.
+    folder : Path or str
+        Of the datasets and the index; made if it is not there.
+    settings : mapping of str to sequence of str
+        Dotted key to its values, as in the scene file.
+    replicas : int
+        Runs of each combination, each of its own seed.
+    seed, until, events : int, float or str, int
+        As for `mcdem.run`.
+    executor : concurrent.futures.Executor
+        Whose workers run the members.
+    progress : callable
+        Called with each member when it is done, has failed or was interrupted.
+    encounter : callable
+        Resolves an encounter, as for `mcdem.run`.
 
-    A member that fails does not stop the others; Ctrl-C, SIGTERM and SIGHUP let each write its dataset.  Returns all members.
-    Raises `ExecutorError` where a cluster is lost; members on it have their datasets.
+    Returns
+    -------
+    list of Member
+        All members, with what became of each.
+
+    Raises
+    ------
+    UserError
+        Of settings that are no scene's.
+    ExecutorError
+        Where a cluster is lost; members on it have their datasets.
     """
     scene_at_door(scene)
     folder = Path(folder)

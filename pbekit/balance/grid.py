@@ -29,7 +29,16 @@ def _amount(given: object) -> float:
 
 
 class Cells(NamedTuple):
-    """What a kernel may know of an aggregate; arrays of one broadcast shape."""
+    """What a kernel may know of an aggregate; arrays of one broadcast shape.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pbekit
+    >>> cells = pbekit.Cells(mass=np.array([1.0, 8.0]), shape=np.ones(2), outer_radius=1e-6 * np.array([0.5, 1.0]))
+    >>> [f"{rate:.2e} m^3/s" for rate in pbekit.balance.ShearEncounter(shear_rate=1e4)(cells, cells)]
+    ['1.33e-14 m^3/s', '1.07e-13 m^3/s']
+    """
 
     mass: np.ndarray  # P [-] or volume
     shape: np.ndarray  # the shape coordinate, NaN where a size has only one shape
@@ -46,6 +55,16 @@ class Grid:
     shape_edges : (shapes + 1,) boundaries of the shape classes, None for one shape
     size_of_cell, shape_of_cell : (K,); shape_of_cell is -1 where the size has one shape only
     outer_radius : (K,) [m] or None
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> grid = pbekit.Grid.primaries(exact_to=8, largest=20)
+    >>> grid.pivots.tolist()
+    [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0]
+    >>> volumes = pbekit.Grid.geometric(1e-19, 1e-15, ratio=2.0)
+    >>> len(volumes.pivots), volumes.discrete
+    (14, False)
     """
 
     pivots: np.ndarray
@@ -347,6 +366,14 @@ class TwoComponentGrid:
     Products go to the four pivots around them with bilinear weights, which keep number, both masses and the product
     of the masses (Kumar & Ramkrishna 1996, in two coordinates).  An axis may start at zero; then nothing is lost at
     small masses.  Slots after the cells: overflow number, overflow mass of A, of B.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pbekit
+    >>> grid = pbekit.TwoComponentGrid(first=np.arange(4.0), second=np.arange(3.0), discrete=True)
+    >>> grid.first.size, grid.second.size
+    (4, 3)
     """
 
     first: np.ndarray  # (m,) pivots of material A

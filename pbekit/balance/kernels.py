@@ -25,7 +25,24 @@ from pbekit.moments import Below
 
 
 class Kernel:
-    """A rate (or a probability) for two aggregates; `kernel(i, j)` with `Cells` that broadcast."""
+    """A rate (or a probability) for two aggregates; `kernel(i, j)` with `Cells` that broadcast.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pbekit import Cells
+    >>> from pbekit.balance import Constant, Kernel
+
+    An efficiency that falls with the larger partner, times a constant rate of encounters:
+
+    >>> class FallsWithSize(Kernel):
+    ...     def __call__(self, i, j):
+    ...         return 1.0 / np.maximum(i.mass, j.mass)
+    >>> rate = Constant(1e-16) * FallsWithSize()
+    >>> one, ten = Cells(np.ones(1), np.ones(1), None), Cells(np.full(1, 10.0), np.ones(1), None)
+    >>> float(rate(one, one)[0]), float(rate(one, ten)[0])
+    (1e-16, 1e-17)
+    """
 
     def __call__(self, i: Cells, j: Cells) -> np.ndarray:
         raise NotImplementedError
@@ -57,7 +74,18 @@ class Times(Kernel):
 
 @dataclass(frozen=True)
 class FromFunction(Kernel):
-    """A user's plain function of two masses, or of two masses and two shapes, arrays that broadcast."""
+    """A user's plain function of two masses, or of two masses and two shapes, arrays that broadcast.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pbekit import Cells
+    >>> from pbekit.balance import FromFunction
+    >>> sum_kernel = FromFunction(lambda m, n: 1e-18 * (m + n))
+    >>> cells = Cells(np.array([1.0, 2.0]), np.ones(2), None)
+    >>> sum_kernel(cells, cells).tolist()
+    [2e-18, 4e-18]
+    """
 
     function: Callable[..., Any]
 
@@ -79,7 +107,18 @@ class FromFunction(Kernel):
 
 @dataclass(frozen=True, eq=False)
 class FromArray(Kernel):
-    """A user's table, one row and one column per cell of the grid."""
+    """A user's table, one row and one column per cell of the grid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pbekit import Cells
+    >>> from pbekit.balance import FromArray
+    >>> measured = FromArray(1e-18 * np.array([[1.0, 1.5], [1.5, 3.0]]))
+    >>> mass = np.array([1.0, 2.0])
+    >>> measured(Cells(mass[:, None], mass[:, None], None), Cells(mass[None, :], mass[None, :], None)).tolist()
+    [[1e-18, 1.5000000000000001e-18], [1.5000000000000001e-18, 3.0000000000000002e-18]]
+    """
 
     values: np.ndarray  # (K, K)
     name: str = "array"
@@ -275,6 +314,18 @@ class ShearEncounter(Kernel):
 
     Times the probability that an encounter ends in aggregation it is an aggregation kernel; alone it is Smoluchowski's,
     where every encounter of straight trajectories sticks.  Needs a grid with outer radii.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pbekit import Cells
+    >>> from pbekit.balance import ShearEncounter
+    >>> primary = Cells(np.ones(1), np.ones(1), np.array([0.5e-6]))
+
+    Times the number of primaries, 1.9e14 per m^3 at a volume fraction of 1e-4, a primary meets 2.5 others a second:
+
+    >>> f"{float(ShearEncounter(1e4)(primary, primary)[0]):.2e} m^3/s"
+    '1.33e-14 m^3/s'
     """
 
     shear_rate: float  # g [1/s]
@@ -290,7 +341,17 @@ class ShearEncounter(Kernel):
 
 @dataclass(frozen=True)
 class ExtensionEncounter(Kernel):
-    """4 pi/(3 sqrt 3) e (R_i + R_j)^3: flux into the sphere of contact in uniaxial extension (Zeichner & Schowalter 1977)."""
+    """4 pi/(3 sqrt 3) e (R_i + R_j)^3: flux into the sphere of contact in uniaxial extension (Zeichner & Schowalter 1977).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pbekit import Cells
+    >>> from pbekit.balance import ExtensionEncounter
+    >>> primary = Cells(np.ones(1), np.ones(1), np.array([0.5e-6]))
+    >>> f"{float(ExtensionEncounter(1e4)(primary, primary)[0]):.2e} m^3/s"
+    '2.42e-14 m^3/s'
+    """
 
     extension_rate: float  # e [1/s]
 
@@ -310,6 +371,14 @@ class FractalRadius:
     """R = a (P / k)^(1/d), never below the sphere (P = 1) and the touching pair (P = 2, R = 2a).
 
     prefactor, dimension : k_o and d_o of P = k_o (R/a)^d_o; dimensions outside 1 ... 3 are of no body and warned of
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pbekit.balance import FractalRadius
+    >>> radius = FractalRadius(0.5e-6, prefactor=0.9, dimension=2.0)
+    >>> (radius(np.array([1.0, 2.0, 90.0])) * 1e6).round(2).tolist()
+    [0.5, 1.0, 5.0]
     """
 
     radius: float  # a [m]

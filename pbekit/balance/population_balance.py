@@ -26,6 +26,21 @@ class PopulationBalance:
         abruptly
     edge : "overflow": products beyond the last pivot leave into the explicit overflow; "closed": they are put
         on the last pivot with their mass, not their number, so that a steady state exists; `edge_flux` says how much
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pbekit
+    >>> grid = pbekit.Grid.primaries(exact_to=32, largest=200)
+    >>> shear = pbekit.Aggregation(lambda m, n: 4 / 3 * 100.0 * (0.5e-6) ** 3 * (m ** (1 / 3) + n ** (1 / 3)) ** 3)
+    >>> balance = pbekit.PopulationBalance(grid, shear)
+
+    Of primaries of 1 um at a volume fraction of 1e-4 that all stick, one in 40 is lost in a second:
+
+    >>> start = np.zeros(balance.cells)
+    >>> start[0] = 1e-4 / (np.pi / 6 * 1e-18)
+    >>> f"{balance.rhs(0.0, balance.state(start))[0] / start[0]:.4f} 1/s"
+    '-0.0255 1/s'
     """
 
     def __init__(

@@ -116,6 +116,15 @@ def start_of(grid: Grid, table: KernelTable, volume_fraction: float | None = Non
     -------
     (K,) array
         [1/m^3].
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> from pbekit.estimated_rates import start_of
+    >>> table = pbekit.open_table("notebooks/data/designed-1000Pa.nc")
+    >>> start = start_of(pbekit.Grid.primaries(exact_to=8), table, volume_fraction=1e-4)
+    >>> f"{start[0]:.2e} primaries per m^3", float(start[1:].sum())
+    ('1.91e+14 primaries per m^3', 0.0)
     """
     phi = table.about.get("volume_fraction") if volume_fraction is None else volume_fraction
     if phi is None:
@@ -194,6 +203,16 @@ class EstimatedRates:
     outcomes : "table" (classes, with the law as prior) or "smooth" (the law alone)
     memory : whether the shape of an aggregation product remembers the shape of the larger parent
     partners : first sizes of the groups of partners whose encounters reshape survivors differently
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> from pbekit.estimated_rates import EstimatedRates
+    >>> table = pbekit.open_table("notebooks/data/designed-1000Pa.nc")
+    >>> estimated = EstimatedRates(table, pbekit.Grid.primaries(exact_to=16, largest=40))
+    >>> balance = estimated.balance()
+    >>> balance.cells == estimated.grid.cells
+    True
     """
 
     def __init__(

@@ -35,6 +35,15 @@ class InterpolatedRates:
 
     Raises `PBEError` where the tables say no stress, or not one below and one above, or differ in more than viscosity and
     aggregates.
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> from pbekit.estimated_rates import InterpolatedRates
+    >>> lower, upper = (pbekit.open_table(f"notebooks/data/designed-{stress}Pa.nc") for stress in (750, 1000))
+    >>> between = InterpolatedRates(lower, upper, 875.0)
+    >>> between.grid.discrete
+    True
     """
 
     def __init__(
@@ -208,6 +217,15 @@ def interpolate(
     ------
     PBEError
         Without tables on either side.
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> from pbekit.estimated_rates import interpolate
+    >>> tables = [pbekit.open_table(f"notebooks/data/designed-{stress}Pa.nc") for stress in (750, 1000)]
+    >>> between = interpolate(tables, 875.0, pbekit.Grid.primaries(exact_to=16, largest=40))
+    >>> between.balance().cells
+    22
     """
     arguments.stress(stress)
     known = sorted(tables, key=stress_of)

@@ -27,6 +27,13 @@ class HandOver:
     solution : of the balance on one shape per size, with bands (`solve_table`): what a solver should come to
     source : name of the table's file, for the reader
     assumed : lines on what is assumed where the conditions are not the table's
+
+    Examples
+    --------
+    >>> from pbekit.export import hand_over
+    >>> given = hand_over("notebooks/data/designed-1000Pa.nc", draws=20, largest=40, until=10.0)
+    >>> given.source, given.assumed
+    ('designed-1000Pa.nc', ())
     """
 
     rates: SizeRates
@@ -92,6 +99,12 @@ class Target:
     notes : how each file is used, by name; what each file of `files` is
     cannot : what the solver cannot represent, in sentences
     check : how to check what was handed over, in a sentence or two
+
+    Examples
+    --------
+    >>> from pbekit.export import TARGETS
+    >>> TARGETS
+    ('csv', 'matlab', 'openfoam', 'openqbmm', 'pysdm', 'particula', 'dustpy')
     """
 
     title: str

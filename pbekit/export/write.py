@@ -33,6 +33,16 @@ class Exported:
     folder : where
     files : written, by name
     given : what was written
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pbekit
+    >>> table = "notebooks/data/designed-1000Pa.nc"
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     exported = pbekit.export_table(table, "csv", folder, draws=20, largest=40, until=10.0)
+    >>> exported.given.source
+    'designed-1000Pa.nc'
     """
 
     folder: Path
@@ -57,14 +67,34 @@ def hand_over(
 
     Parameters
     ----------
-    table : of encounters, or its file
-    source : what the table is called on the page; its file's name by default
-    conditions : other than the table's, of the same cohesion number
-    draws : posterior draws for all limits and bands
-    until : end of the course [s]
-    volume_fraction : of primaries; that of the table's scene by default
-    exact_to, largest : sizes with a class of their own, and the largest (twice the largest seen by default)
-    progress : called with what is being done and the share of all that is done
+    table : KernelTable, str or Path
+        Of encounters, or its file.
+    source : str
+        What the table is called on the page; its file's name by default.
+    conditions : Conditions
+        Other than the table's, of the same cohesion number.
+    draws : int
+        Posterior draws for all limits and bands.
+    seed : int
+        Of the draws.
+    until : float
+        End of the course [s].
+    volume_fraction : float
+        Of primaries [-]; that of the table's scene by default.
+    exact_to, largest : int
+        Sizes with a class of their own, and the largest size (twice the largest seen by default).
+    progress : callable
+        Called with what is being done and the share of all that is done.
+
+    Returns
+    -------
+    HandOver
+        What `export_table` writes, for several targets at the price of one.
+
+    Raises
+    ------
+    PBEError
+        Of a table that cannot be read, or options that do not fit.
     """
     report = progress or (lambda what, share: None)
     if source is None:
@@ -122,6 +152,17 @@ def export_table(
     ------
     PBEError : of a target that is not known, a table that lacks what the target needs, or a folder that holds other files of
         these names
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import pbekit
+    >>> table = "notebooks/data/designed-1000Pa.nc"
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     exported = pbekit.export_table(table, "csv", folder, draws=20, largest=40, until=10.0)
+    >>> exported.files[:3]
+    ('classes.csv', 'pairs.csv', 'daughters.csv')
     """
     chosen = target(to)
     given = table if isinstance(table, HandOver) else hand_over(table, progress=progress, **options)  # type: ignore[arg-type]

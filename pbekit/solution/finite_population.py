@@ -1,4 +1,4 @@
-"""A estimated's rates in a finite population: what the balance leaves out by averaging over infinitely many.
+"""The rates of a table in a finite population: what the balance leaves out by averaging over infinitely many.
 
 The same encounters, outcomes, fragments and shapes as in the balance, drawn one at a time for a sample of some hundred
 aggregates that is doubled when it has become small, as in the Monte Carlo the table came from.  Its mean over replicas
@@ -34,10 +34,50 @@ def population_course(
     drawn: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> xr.Dataset:
-    """<P>, sigma_P, d32 over time of each replica, and sizes counted from `steady_from` [s] on (the last 40 % by default).
+    """<P>, sigma_P, d32 over time of each replica of a finite population, and sizes counted once it is steady.
 
-    drawn : each replica follows its own posterior draw of the estimated rates, so that their spread is that of one run to come:
-        what the table leaves open and what a finite population scatters, together
+    Parameters
+    ----------
+    estimated : EstimatedRates
+        Rates of a table.
+    volume_fraction : float
+        Of primaries [-].
+    times : (T,) array
+        At which the population is looked at [s].
+    initial : int
+        Primaries at the start.
+    doubling_below : float
+        Share of the initial number of aggregates below which the sample is doubled [-].
+    replicas : int
+        How many populations are followed.
+    steady_from : float
+        From when on sizes are counted [s]; the last 40 % by default.
+    seed : int
+        Of all draws.
+    largest : int
+        Primaries of the largest aggregate that is followed.
+    drawn : bool
+        Whether each replica follows its own posterior draw of the estimated rates, so that their spread is that of one run to
+        come: what the table leaves open and what a finite population scatters, together.
+    progress : callable
+        Called with how many replicas are done.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over `replica` and `time`, sizes in primaries, lengths in m.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pbekit
+    >>> from pbekit.estimated_rates import EstimatedRates
+    >>> from pbekit.solution import population_course
+    >>> table = pbekit.open_table("notebooks/data/designed-1000Pa.nc")
+    >>> estimated = EstimatedRates(table, pbekit.Grid.primaries(exact_to=16, largest=40), outcomes="smooth")
+    >>> course = population_course(estimated, 1e-4, np.linspace(0.0, 5.0, 6), initial=100, replicas=2)
+    >>> course["mean_size"].shape
+    (2, 6)
     """
     arguments.volume_fraction(volume_fraction)
     times = arguments.array("times", times, (None,), "times")

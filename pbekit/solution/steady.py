@@ -30,6 +30,22 @@ class SteadyState:
     residual : largest |dn/dt| weighted by mass, over the mass that is turned over in unit time
     factors : LU factors of the Jacobian with the mass balance in row `row`
     time : how far the integrator went; iterations : of Newton
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pbekit
+    >>> grid = pbekit.Grid.primaries(exact_to=40)
+    >>> events = [
+    ...     pbekit.Aggregation(1e-15),
+    ...     pbekit.Breakage(pbekit.balance.PowerLawRate(0.01, offset=1.0), pbekit.balance.Uniform()),
+    ... ]
+    >>> balance = pbekit.PopulationBalance(grid, events, edge="closed")
+    >>> population = np.zeros(40)
+    >>> population[0] = 1e14
+    >>> steady = pbekit.steady_state(balance, population)
+    >>> f"<P> = {population.sum() / steady.population.sum():.1f}", bool(steady.residual < 1e-9)
+    ('<P> = 2.8', True)
     """
 
     balance: PopulationBalance

@@ -95,9 +95,28 @@ def ablation_table(
 ) -> xr.Dataset:
     """What each changed assumption, and a population of the run's size, make of the balance.
 
-    Steady <P>, relative deviation and d32, nan where encounters that were seen do not bear them; <P> at the last of `times`;
-    and, given the shares `counted` (sizes + 1,) of a run from `late` [s] on, the distance of the shares then from them.
-    duration : time [s] over which a finite population is followed to its steady state; None where there is none
+    Parameters
+    ----------
+    table : KernelTable
+        Of encounters.
+    initial : int
+        Primaries of the finite population at its start.
+    duration : float or None
+        Time over which a finite population is followed to its steady state [s]; None where there is none.
+    times : (T,) array
+        Of the course [s]; <P> is taken at the last.
+    late : float
+        From when on the run counted sizes [s].
+    counted : (sizes + 1,) array
+        Shares of the sizes in a run from `late` on.
+    replicas : int
+        Finite populations that are followed.
+
+    Returns
+    -------
+    xarray.Dataset
+        Steady <P>, relative deviation and d32 [m], nan where encounters that were seen do not bear them; <P> at the last of
+        `times`; and, given `counted`, the distance of the shares then from them.
     """
     names, rows = [], []
     off = lambda share: np.nan if counted is None else distance(to_32(share), to_32(counted[1:]))

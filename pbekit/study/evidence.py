@@ -56,6 +56,17 @@ class Evidence:
     moved : relative change of <P> on a grid that ends at twice the size; 0 where edge_flux is below `NO_EDGE`
     largest : largest joint size that met
     missing : the pairs of classes that make most of `extrapolated_mass`
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> from pbekit.estimated_rates import EstimatedRates, start_of
+    >>> from pbekit.study import supported_steady_state
+    >>> table = pbekit.open_table("notebooks/data/designed-1000Pa.nc")
+    >>> estimated = EstimatedRates(table, pbekit.Grid.primaries(exact_to=16, largest=60))
+    >>> _, evidence = supported_steady_state(estimated, start_of(estimated.grid, table))
+    >>> evidence.encounters, evidence.breakups, evidence.largest
+    (400, 2, 39)
     """
 
     encounters: int
@@ -199,6 +210,20 @@ def supported_steady_state(
     population : (K,) initial numbers [1/m^3]
     scheme : of the balance
     guess : (K,) a population near the steady state
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> from pbekit.estimated_rates import EstimatedRates, start_of
+    >>> from pbekit.study import supported_steady_state
+    >>> table = pbekit.open_table("notebooks/data/designed-1000Pa.nc")
+    >>> estimated = EstimatedRates(table, pbekit.Grid.primaries(exact_to=16, largest=60))
+    >>> steady, evidence = supported_steady_state(estimated, start_of(estimated.grid, table))
+
+    Four hundred designed encounters do not bear one:
+
+    >>> steady is None, evidence.encounters, evidence.breakups
+    (True, 400, 2)
     """
     evidence = counted(estimated)
     if not evidence.holds:

@@ -220,9 +220,28 @@ class FittedLaws:
 def fitted_laws(rates: SizeRates | Sequence[SizeRates]) -> FittedLaws:
     """Fit all laws to the rates of a table, or of several at different cohesion numbers.
 
+    Parameters
+    ----------
+    rates : SizeRates or sequence of SizeRates
+        Of `size_rates`.
+
+    Returns
+    -------
+    FittedLaws
+        The short forms, each with its residuals.
+
     Raises
     ------
-    PBEError : of several tables of other shapes or without their cohesion numbers
+    PBEError
+        Of several tables of other shapes or without their cohesion numbers.
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> table = pbekit.open_table("notebooks/data/designed-1000Pa.nc")
+    >>> laws = pbekit.fitted_laws(pbekit.size_rates(table, draws=20, largest=40))
+    >>> type(laws).__name__
+    'FittedLaws'
     """
     every = [rates] if isinstance(rates, SizeRates) else list(rates)
     tables = [one.table for one in every]

@@ -40,6 +40,14 @@ def efficiencies(tables: list[KernelTable]) -> xr.Dataset:
     -------
     xarray.Dataset
         Over `stress` [Pa], efficiencies [-] with their 90 % intervals.
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> tables = [pbekit.open_table(f"notebooks/data/designed-{stress}Pa.nc") for stress in (750, 1500)]
+    >>> found = pbekit.efficiencies(tables)
+    >>> found["stress"].values.tolist(), list(found.data_vars)[:3]
+    ([750.0, 1500.0], ['eta_11', 'eta_11_low', 'eta_11_high'])
     """
     stress = np.array([stress_of(t) for t in tables])
     order = np.argsort(stress)

@@ -155,16 +155,38 @@ def size_rates(
 
     Parameters
     ----------
-    table : of encounters
-    draws : posterior draws for the 90 % limits
-    exact_to, largest : sizes with a class of their own, and the largest (twice the largest seen by default)
-    volume_fraction : of primaries, for the first-order rates; that of the table's scene by default
-    population : (S,) numbers in any unit in which first-order rates are wanted; the steady one by default
-    progress : called with the share that is done
+    table : KernelTable
+        Of encounters.
+    draws : int
+        Posterior draws for the 90 % limits.
+    seed : int
+        Of the draws.
+    exact_to, largest : int
+        Sizes with a class of their own, and the largest size (twice the largest seen by default).
+    volume_fraction : float
+        Of primaries [-], for the first-order rates; that of the table's scene by default.
+    population : array_like, (S,)
+        Numbers in any unit in which first-order rates are wanted; the steady ones by default.
+    progress : callable
+        Called with the share that is done.
+
+    Returns
+    -------
+    SizeRates
+        Of each pair of classes aggregation and breakup [m^3/s], of each class breakage [1/s] and daughters, with 90 % limits.
 
     Raises
     ------
-    PBEError : of a table without resolved encounters, or options that do not fit
+    PBEError
+        Of a table without resolved encounters, or options that do not fit.
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> table = pbekit.open_table("notebooks/data/designed-1000Pa.nc")
+    >>> rates = pbekit.size_rates(table, draws=20, largest=40)
+    >>> [name for name in dir(rates) if not name.startswith("_")]
+    ['aggregated', 'aggregation_rate', 'breaks', 'breakup', 'breakup_rate', 'broken', 'daughters', 'daughters_error', 'efficiency', 'encounter_rate', 'extrapolated', 'first_order', 'grid', 'moments', 'no_first_order', 'outer_radius', 'pivots', 'radius_of_gyration', 'table', 'trials']
     """
     arguments.draws(draws)
     grid = grid_for(table, exact_to, largest, shapes=None)

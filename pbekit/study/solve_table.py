@@ -144,6 +144,14 @@ def solve_table(
     ------
     PBEError : of a table that cannot be read, or options that do not fit
     InterruptedDraws : (a `KeyboardInterrupt`) with the solution, where the end was asked for in the middle of the draws
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> table = pbekit.open_table("notebooks/data/designed-1000Pa.nc")
+    >>> solution = pbekit.solve_table(table, until=10.0, samples=5, draws=0, shapes=None, largest=60)
+    >>> solution["mean_size"].dims, f"{float(solution['mean_size'][-1]):.0f} primaries after 10 s"
+    (('time',), '9 primaries after 10 s')
     """
     chosen, report = Options.of(options), progress or (lambda what, share: None)
     if not isinstance(table, KernelTable | str | Path | Sequence) or (

@@ -63,6 +63,25 @@ def draws_of(
     -------
     xarray.Dataset
         Each output, stacked along `draw`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pbekit
+    >>> from pbekit.estimated_rates import EstimatedRates
+    >>> from pbekit.study import draws_of
+    >>> table = pbekit.open_table("notebooks/data/designed-1000Pa.nc")
+    >>> estimated = EstimatedRates(table, pbekit.Grid.primaries(exact_to=16))
+
+    The rate at which primaries alone begin to disappear, and how far the table leaves it open:
+
+    >>> def loss(balance):
+    ...     alone = np.zeros(balance.cells)
+    ...     alone[0] = 1e14
+    ...     return {"loss": -balance.rhs(0.0, balance.state(alone))[0] / 1e14}
+    >>> drawn = draws_of(estimated, loss, draws=20)
+    >>> drawn["loss"].sizes["draw"], bool(drawn["loss"].std() > 0)
+    (20, True)
     """
     whole_number("draws", draws, 1, MOST_DRAWS)
     whole_number("seed", seed, 0, LARGEST_SEED)

@@ -65,6 +65,16 @@ class Records:
     products (n,) number of products; product_* (m,) in the order of the encounters; product_from_first: primaries that
     came from the first parent.  Survivors of `missed` and `parted` are their parents again, in any order; products of
     `unresolved` are the parents.
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> from pbekit.tables import OUTCOMES
+    >>> records = pbekit.open_table("notebooks/data/designed-1000Pa.nc").records
+    >>> joint = records.size.sum(axis=1)
+    >>> stuck = records.outcome == list(OUTCOMES).index("aggregation")
+    >>> f"{stuck.sum()} of {len(stuck)} stick, of joint sizes from {joint[stuck].min()} to {joint[stuck].max()}"
+    '11 of 400 stick, of joint sizes from 9 to 18'
     """
 
     size: np.ndarray
@@ -260,6 +270,13 @@ class KernelTable:
     size_edges : (S + 1,) whole numbers; class s holds sizes size_edges[s] ... size_edges[s + 1] - 1
     shape_edges : (shapes + 1,) or None; shapes beyond the ends belong to the end classes
     radius [m], shear_rate [1/s] and what else is known of the scene: `about`
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> table = pbekit.open_table("notebooks/data/designed-1000Pa.nc")
+    >>> table.size_edges[:6].tolist(), table.shear_rate, table.radius
+    ([1, 2, 3, 4, 5, 6], 10000.0, 5e-07)
     """
 
     records: Records

@@ -41,6 +41,13 @@ class Conditions:
     viscosity : of the medium [Pa s]
     shear_rate : [1/s]
     cohesion : N of its contacts; that of the table's material at these conditions where it is None
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> water = pbekit.Conditions(radius=0.5e-6, viscosity=1e-3, shear_rate=1e4)
+    >>> water.viscosity * water.shear_rate
+    10.0
     """
 
     radius: float
