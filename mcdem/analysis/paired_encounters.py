@@ -41,6 +41,13 @@ class Setting:
 
     varied : what is varied: a key of the scene, or a word for several
     changes : keys of the scene and their values
+
+    Examples
+    --------
+    >>> from mcdem.analysis import Setting
+    >>> coarse = Setting("twice the step", "numerics.implicit.max_step", {"numerics.implicit.max_step": 0.1})
+    >>> coarse.varied
+    'numerics.implicit.max_step'
     """
 
     name: str

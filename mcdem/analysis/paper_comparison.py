@@ -561,6 +561,14 @@ def breakup_exponents(groups: dict[float, list[RunDataset]]) -> list[Row]:
     -------
     list of Row
         Measured and printed, with limits.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset, breakup_exponents
+    >>> runs = {s: [RunDataset(f"notebooks/data/run-{s}Pa-of-100.nc")] for s in (750, 875, 1500)}
+    >>> for row in breakup_exponents(runs)[:1]:
+    ...     print(row.quantity, f"{row.measured:.1f}")
+    breakup exponent q of ⟨P⟩ 0.8
     """
     if len(groups) < 3:
         return []

@@ -129,6 +129,16 @@ def draw_all(
     ------
     DataFileError
         Of a file that is neither.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from mcdem.figures import draw_all
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pictures = [picture.name for picture in draw_all([Path("notebooks/data/run-750Pa-of-100.nc")], Path(folder))]
+    >>> "fig06a_mean_size.png" in pictures
+    True
     """
     runs, trajectories = [], []
     for file in files:

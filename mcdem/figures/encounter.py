@@ -70,6 +70,18 @@ def snapshots(t: Trajectory) -> Figure:
     -------
     Figure
         Its numbers, and what draws them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mcdem.encounter import Trajectory
+    >>> from mcdem.figures import snapshots
+    >>> positions = 1e-6 * np.array([[[0, 0, 0], [0, 1, z]] for z in np.linspace(-4.0, 4.0, 9)])
+    >>> passage = Trajectory(
+    ...     0.5e-6, 1e4, np.nan, np.linspace(0, 8e-4, 9), positions, np.full((9, 2, 2), np.nan), np.array([0, 1])
+    ... )
+    >>> snapshots(passage).name
+    'fig14_encounter'
     """
     found = moments(t)
     numbers = t.to_xarray().isel(frame=list(found.values())).assign_coords(moment=("frame", list(found)))

@@ -163,6 +163,21 @@ def film(
     ------
     UserError
         Of another ending, or without what writes MP4.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from mcdem.encounter import Trajectory
+    >>> from mcdem.figures import film
+    >>> positions = 1e-6 * np.array([[[0, 0, 0], [0, 1, z]] for z in np.linspace(-4.0, 4.0, 3)])
+    >>> passage = Trajectory(
+    ...     0.5e-6, 1e4, np.nan, np.linspace(0, 8e-4, 3), positions, np.full((3, 2, 2), np.nan), np.array([0, 1])
+    ... )
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     film(passage, Path(folder) / "passage.gif", width=120, whole=True).stat().st_size > 0
+    True
     """
     path = Path(path)
     require_writer(path)

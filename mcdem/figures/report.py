@@ -162,7 +162,7 @@ def warnings(run: RunDataset) -> Iterator[str]:
 
 
 def report(file: Path | str) -> str:
-    """HTML of the report of one run, all in one file.
+    r"""HTML of the report of one run, all in one file.
 
     Parameters
     ----------
@@ -178,6 +178,13 @@ def report(file: Path | str) -> str:
     ------
     DataFileError
         Of another file.
+
+    Examples
+    --------
+    >>> from mcdem.figures import report
+    >>> page = report("notebooks/data/run-750Pa-of-100.nc")
+    >>> page.startswith("<!"), "src=\"http" in page
+    (True, False)
     """
     run = RunDataset(file)
     run.scene.require_one_radius("the report is made of the paper's figures; `mcdem plot` draws its course")

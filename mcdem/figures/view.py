@@ -72,6 +72,18 @@ def encounter_page(t: Trajectory) -> str:
     ------
     UserError
         Without k3d.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mcdem.encounter import Trajectory
+    >>> from mcdem.figures import encounter_page
+    >>> positions = 1e-6 * np.array([[[0, 0, 0], [0, 1, z]] for z in np.linspace(-4.0, 4.0, 9)])
+    >>> passage = Trajectory(
+    ...     0.5e-6, 1e4, np.nan, np.linspace(0, 8e-4, 9), positions, np.full((9, 2, 2), np.nan), np.array([0, 1])
+    ... )
+    >>> "<html" in encounter_page(passage)
+    True
     """
     k3d = _k3d()
     t = interesting(t)
@@ -148,6 +160,14 @@ def population_page(run: RunDataset, snapshot: int = -1) -> str:
     ------
     UserError
         Without k3d.
+
+    Examples
+    --------
+    >>> from mcdem.analysis import RunDataset
+    >>> from mcdem.figures import population_page
+    >>> page = population_page(RunDataset("notebooks/data/run-750Pa-of-100.nc"), snapshot=5)
+    >>> "<html" in page
+    True
     """
     k3d = _k3d()
     sizes = run.population(snapshot, rigidity=False)["size"].values

@@ -52,6 +52,15 @@ class SamplePopulation:
     serials : number of the aggregate at each place
     sizes : (places,) primary particles of each
     outer_radii : (places,) R [m]
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.monte_carlo import SamplePopulation
+    >>> sample = SamplePopulation(primary_radius=0.5e-6, volume=5e-13)
+    >>> place = sample.add(mcdem.Aggregate.monomer())
+    >>> int(sample.sizes[place]), sample.volume
+    (1, 5e-13)
     """
 
     def __init__(self, primary_radius: float, volume: float, places: int = 16) -> None:

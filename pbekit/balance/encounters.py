@@ -32,6 +32,23 @@ class ShapeMemory:
         1 + g if its shape is in group g.
     group_of_shape : (shapes,) integers
         Non-decreasing, group 0 ... G - 1 of each shape class.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pbekit
+
+    Products keep the class of shape of the larger parent with probability 0.8:
+
+    >>> grid = pbekit.Grid.primaries(exact_to=4).with_shapes([1.0, 1.5, 4.0])
+    >>> shares = np.ones((3, grid.cells))
+    >>> two = grid.shape_of_cell >= 0
+    >>> shares[0, two] = 0.5
+    >>> shares[1, two] = np.where(grid.shape_of_cell[two] == 0, 0.8, 0.2)
+    >>> shares[2, two] = np.where(grid.shape_of_cell[two] == 1, 0.8, 0.2)
+    >>> memory = pbekit.ShapeMemory(shares, group_of_shape=np.array([0, 1]))
+    >>> pbekit.PopulationBalance(grid, pbekit.Aggregation(1e-15, memory)).cells
+    6
     """
 
     shares: np.ndarray
@@ -44,6 +61,17 @@ class PairRows:
 
     number : (S (S + 1) / 2, S + 2) products on each pivot, then overflow number and mass; pair i <= j of sizes is row
         j (j + 1) / 2 + i
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pbekit.balance import PairRows
+
+    Of sizes 1 and 2, whose pairs 1 + 1, 1 + 2 and 2 + 2 all shatter into primaries:
+
+    >>> shatter = PairRows(np.array([[2.0, 0, 0, 0], [3.0, 0, 0, 0], [4.0, 0, 0, 0]]))
+    >>> shatter.number.shape
+    (3, 4)
     """
 
     number: np.ndarray
@@ -145,6 +173,18 @@ class Restructuring:
         Probability of the shape after, given the cell.
     partner_start : (G + 1,) integers
         First cell of each group of partners, if the transitions depend on the partner.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pbekit
+
+    Of two classes of shape, an encounter makes one in ten of the elongated compact and none of the compact elongated:
+
+    >>> meet = pbekit.Restructuring(kernel=1e-15, transition=np.array([[1.0, 0.0], [0.1, 0.9]]))
+    >>> grid = pbekit.Grid.primaries(exact_to=4).with_shapes([1.0, 1.5, 4.0])
+    >>> pbekit.PopulationBalance(grid, meet).cells
+    6
     """
 
     kernel: object

@@ -15,6 +15,15 @@ class LogisticLaw:
     """ln(p_k/p_0) = polynomial in ln sizes and shapes, symmetric in the two; ridge prior, Laplace posterior.
 
     coefficients : (kinds - 1, features); covariance : of the flattened coefficients
+
+    Examples
+    --------
+    >>> import pbekit
+    >>> from pbekit.estimated_rates import EstimatedRates
+    >>> table = pbekit.open_table("notebooks/data/designed-1000Pa.nc")
+    >>> law = EstimatedRates(table, pbekit.Grid.primaries(exact_to=16)).law
+    >>> law.coefficients.shape[0] + 1, law.covariance.shape[0] == law.coefficients.size
+    (3, True)
     """
 
     coefficients: np.ndarray

@@ -105,6 +105,9 @@ class Target:
     >>> from pbekit.export import TARGETS
     >>> TARGETS
     ('csv', 'matlab', 'openfoam', 'openqbmm', 'pysdm', 'particula', 'dustpy')
+    >>> from pbekit.export.menu import target
+    >>> print(target("openfoam").title)
+    OpenFOAM's population balance (multiphaseEuler)
     """
 
     title: str

@@ -95,6 +95,13 @@ def hand_over(
     ------
     PBEError
         Of a table that cannot be read, or options that do not fit.
+
+    Examples
+    --------
+    >>> from pbekit.export import hand_over
+    >>> given = hand_over("notebooks/data/designed-1000Pa.nc", draws=20, largest=40, until=10.0)
+    >>> given.rates.aggregation_rate.value.shape, "mean_size" in given.solution
+    ((34, 34), True)
     """
     report = progress or (lambda what, share: None)
     if source is None:

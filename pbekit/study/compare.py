@@ -114,6 +114,17 @@ def compare_table(
     Raises
     ------
     PBEError : of a run of another scene, or arguments that cannot be meant
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> import pbekit
+    >>> from pbekit.study import MonteCarlo
+    >>> path = "notebooks/data/run-1500Pa-of-100.nc"
+    >>> table = mcdem.with_runs(pbekit.open_table("notebooks/data/designed-1500Pa.nc"), [mcdem.open_run(path)])
+    >>> found = pbekit.compare_table(table, MonteCarlo.read(path), draws=19)
+    >>> sorted(found.numbers)[:2]
+    ['breakup_rate_analytical', 'edge_flux']
     """
     arguments.draws(draws)
     arguments.whole_number("seed", seed, 0, arguments.LARGEST_SEED)

@@ -27,6 +27,13 @@ class MonteCarlo:
     time (t,) [s]; mean_size, size_deviation, sauter_diameter (t,)
     steady : mean and standard error of each over the last part; trend : slope of <P> there over its standard error
     share (sizes + 1,) : number share of each size in the snapshots of that part; share_error : its standard error
+
+    Examples
+    --------
+    >>> from pbekit.study import MonteCarlo
+    >>> run = MonteCarlo.read("notebooks/data/run-750Pa-of-100.nc")
+    >>> f"{run.mean_size[-1]:.1f} primaries at {run.time[-1]:.0f} s"
+    '13.4 primaries at 108 s'
     """
 
     path: Path

@@ -185,8 +185,9 @@ def size_rates(
     >>> import pbekit
     >>> table = pbekit.open_table("notebooks/data/designed-1000Pa.nc")
     >>> rates = pbekit.size_rates(table, draws=20, largest=40)
-    >>> [name for name in dir(rates) if not name.startswith("_")]
-    ['aggregated', 'aggregation_rate', 'breaks', 'breakup', 'breakup_rate', 'broken', 'daughters', 'daughters_error', 'efficiency', 'encounter_rate', 'extrapolated', 'first_order', 'grid', 'moments', 'no_first_order', 'outer_radius', 'pivots', 'radius_of_gyration', 'table', 'trials']
+    >>> size = list(rates.pivots).index(10.0)
+    >>> f"10 + 10: K = {rates.aggregation_rate.value[size, size]:.1e} m^3/s of f = {rates.encounter_rate.value[size, size]:.1e}"
+    '10 + 10: K = 9.6e-15 m^3/s of f = 6.6e-13'
     """
     arguments.draws(draws)
     grid = grid_for(table, exact_to, largest, shapes=None)

@@ -76,8 +76,46 @@ def test_examples_are_there_or_on_the_list_of_names_without():
     assert lacking == listed, f"has one now: {listed - lacking}; has none: {lacking - listed}"
 
 
+SLOW = {
+    "mcdem.EncounterResult",
+    "mcdem.PairEfficiency",
+    "mcdem.Recorder",
+    "mcdem.RunSummary",
+    "mcdem.Velocities",
+    "mcdem.critical_offset",
+    "mcdem.encounter.worst_loads",
+    "mcdem.figures.draw_all",
+    "mcdem.figures.plot_run",
+    "mcdem.figures.report",
+    "mcdem.monte_carlo.RunProgress",
+    "mcdem.monte_carlo.compress",
+    "mcdem.pair_efficiency",
+    "mcdem.run",
+    "mcdem.simulate_encounter",
+    "mcdem.tabulate",
+    "mcdem.velocities",
+    "pbekit.SteadyState",
+    "pbekit.compare_table",
+    "pbekit.export.Exported",
+    "pbekit.export.HandOver",
+    "pbekit.export.hand_over",
+    "pbekit.export_table",
+    "pbekit.solution.population_course",
+}
+"""Names whose example compiles an encounter, or takes more than a few seconds."""
+
+
+def test_slow_examples_exist():
+    assert not SLOW - {name for name, thing in own() if "Examples" in sections(thing)}
+
+
 @pytest.mark.parametrize(
-    "thing", [t for _, t in own() if "Examples" in sections(t)], ids=lambda t: t.__name__
+    "thing",
+    [
+        pytest.param(thing, id=thing.__name__, marks=[pytest.mark.slow] if name in SLOW else [])
+        for name, thing in own()
+        if "Examples" in sections(thing)
+    ],
 )
 def test_examples_run(thing, monkeypatch):
     monkeypatch.chdir(ROOT)
