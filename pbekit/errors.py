@@ -12,8 +12,8 @@ class PBEError(ValueError):
     >>> try:
     ...     pbekit.Grid.primaries(exact_to=32, largest=20)
     ... except pbekit.PBEError as error:
-    ...     print(error)
-    grid: largest = 20 lies below exact_to = 32, the largest size with a class of its own: lower exact_to, or leave one of them out
+    ...     print(str(error).partition(",")[0])
+    grid: largest = 20 lies below exact_to = 32
     """
 
 

@@ -223,11 +223,25 @@ def measure(
 
     Parameters
     ----------
-    pairs : aggregates that meet (`mcdem.analysis.paired_encounters.sample_for`)
-    seed : of orientations and offsets
-    rays : directions from which eta_11 is found
-    executor : computes the encounters
-    progress : called with where it stands, in words, and the share done
+    scene : Scene
+        As given.
+    settings : sequence of Setting
+        Ways to compute, the reference first.
+    pairs : sequence of Pair
+        Aggregates that meet (`mcdem.analysis.sample_for`).
+    seed : int
+        Of orientations and offsets.
+    rays : int
+        Directions from which eta_11 is found.
+    executor : concurrent.futures.Executor
+        Computes the encounters.
+    progress : callable
+        Called with where it stands, in words, and the share done.
+
+    Yields
+    ------
+    Price
+        Processor time of an encounter [s], and errors of outcomes and eta_11 against the reference with 95 % limits [-].
     """
     if settings[0].name != REFERENCE:
         raise ValueError("settings: the first must be the reference")

@@ -255,11 +255,36 @@ def sample_for(
 
     Parameters
     ----------
-    runs : datasets of `mcdem run`; with none a run of `events` encounters is made first
-    count : of pairs
-    seed : of the sample
-    workers, executor : compute that run
-    progress : called with where that run stands, and the share of it that is done
+    scene : Scene
+        Whose suspension is sampled.
+    runs : sequence of Path or str
+        Datasets of `mcdem run`; with none a run of `events` encounters is made first.
+    count : int
+        Of pairs.
+    seed : int
+        Of the sample.
+    events : int
+        Encounters of the run that is made.
+    workers : int
+        Processes that compute that run.
+    executor : concurrent.futures.Executor
+        Computes that run instead.
+    progress : callable
+        Called with where that run stands, and the share of it that is done.
+
+    Returns
+    -------
+    list of Pair
+        Of aggregates, as they would meet: by their encounter rates.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> from mcdem.analysis import sample_for
+    >>> scene = mcdem.load_scene("scenes/paper-750Pa.toml")
+    >>> pairs = sample_for(scene, ["notebooks/data/run-750Pa-of-100.nc"], count=3, seed=1)
+    >>> len(pairs)
+    3
     """
     if runs:
         return draw_pairs(scene, runs, count, seed)

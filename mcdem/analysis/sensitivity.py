@@ -158,12 +158,25 @@ def compare_settings(
 
     Parameters
     ----------
-    settings : the scene as given and its changes (`settings_from`)
-    pairs : aggregates that meet (`mcdem.analysis.paired_encounters.sample_for`)
-    seed : of orientations and offsets
-    rays : directions from which eta_11 is found
-    executor : computes the encounters
-    progress : called with where it stands, in words, and the share done
+    scene : Scene
+        As given.
+    settings : sequence of Setting
+        The scene as given and its changes (`settings_from`).
+    pairs : sequence of Pair
+        Aggregates that meet (`mcdem.analysis.sample_for`).
+    seed : int
+        Of orientations and offsets.
+    rays : int
+        Directions from which eta_11 is found.
+    executor : concurrent.futures.Executor
+        Computes the encounters.
+    progress : callable
+        Called with where it stands, in words, and the share done.
+
+    Yields
+    ------
+    list of Difference
+        Of one setting from the scene as given, each with 95 % limits.
     """
     eta_given, given = float("nan"), list[Sample]()
     for setting, eta, samples in sampled(scene, settings, pairs, seed, rays, executor, progress):

@@ -63,8 +63,10 @@ def pair_force(scene: Scene) -> Figure:
     >>> import mcdem
     >>> from mcdem.figures import pair_force
     >>> figure = pair_force(mcdem.load_scene("scenes/dlvo-barrier.toml"))
-    >>> sorted(figure.numbers.data_vars)
-    ['each_apart', 'each_far', 'equilibrium_gap', 'force_apart', 'force_attached', 'force_far', 'gap_apart', 'gap_attached', 'gap_far', 'pull_off_force', 'pull_off_gap']
+    >>> figure.numbers["law"].values.tolist()
+    ['van der Waals', 'double layer']
+    >>> f"a contact is pulled off with {float(figure.numbers['pull_off_force']) * 1e9:.1f} nN"
+    'a contact is pulled off with 11.1 nN'
     """
     effects, units = scene.effects, scene.reduced
     apart_laws, contact_laws = effects.present(PairForce), effects.present(ContactLaw)
