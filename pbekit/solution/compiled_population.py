@@ -85,6 +85,29 @@ def _shaped(lookup, rows, size, rng):
 
 
 @njit(cache=True)
+def _place(lookup, population, cells, k, size, shape):
+    """Put an aggregate at place k; returns its mean cube of the radius."""
+    population.sizes[k], population.shapes[k] = size, shape
+    cells[k] = _cell_of(lookup, size, shape)
+    return lookup.moments[2, cells[k]]
+
+
+@njit(cache=True)
+def _take_down(lookup, population, cells, number, volume, sample, samples):
+    """Enter a population of `number` aggregates into the samples."""
+    row, histogram, m = samples.series[sample], samples.histogram, lookup.moments
+    row[0], row[1] = number, volume
+    for k in range(number):
+        size = population.sizes[k]
+        row[2] += size
+        row[3] += size**2
+        row[4] += m[1, cells[k]]
+        row[5] += m[2, cells[k]]
+        if sample >= samples.counted_from:
+            histogram[min(size, histogram.size - 1)] += 1
+
+
+@njit(cache=True)
 def finite_population(lookup, population, times, rng, samples):
     """Event-driven Monte Carlo on estimated rates: the balance's own rates in a finite, doubling population.
 
@@ -93,44 +116,44 @@ def finite_population(lookup, population, times, rng, samples):
     m = lookup.moments
     sizes, shapes = population.sizes, population.shapes
     number, volume, keep = population.number, population.volume, population.keep
-    series, histogram, from_sample = samples.series, samples.histogram, samples.counted_from
     time, sample, met = 0.0, 0, 0
     pieces = np.empty(512, np.int64)
+    cells = np.empty(sizes.size, np.int64)
+    for k in range(number):
+        _place(lookup, population, cells, k, sizes[k], shapes[k])
+    largest = -1.0  # mean cube of a radius in the population; below 0 where it has to be sought
     while sample < times.size:
-        largest = 0.0
-        for k in range(number):
-            c = _cell_of(lookup, sizes[k], shapes[k])
-            largest = max(largest, m[2, c])
+        if largest < 0.0:
+            for k in range(number):
+                largest = max(largest, m[2, cells[k]])
         bound = lookup.rate * 8.0 * largest
         total = 0.5 * number * (number - 1) * bound / volume
         while True:
             time += rng.standard_exponential() / total
             while sample < times.size and times[sample] < time:
-                series[sample, 0], series[sample, 1] = number, volume
-                for k in range(number):
-                    series[sample, 2] += sizes[k]
-                    series[sample, 3] += sizes[k] ** 2
-                    c = _cell_of(lookup, sizes[k], shapes[k])
-                    series[sample, 4] += m[1, c]
-                    series[sample, 5] += m[2, c]
-                    if sample >= from_sample:
-                        histogram[min(sizes[k], histogram.size - 1)] += 1
+                _take_down(lookup, population, cells, number, volume, sample, samples)
                 sample += 1
             if sample == times.size:
                 return met
             i = rng.integers(0, number)
             j = rng.integers(0, number - 1)
             j += j >= i
-            a, b = _cell_of(lookup, sizes[i], shapes[i]), _cell_of(lookup, sizes[j], shapes[j])
+            a, b = cells[i], cells[j]
             cube = m[2, a] + 3 * m[1, a] * m[0, b] + 3 * m[0, a] * m[1, b] + m[2, b]
             if rng.random() * bound < lookup.rate * cube:
                 break
         met += 1
+        left = max(m[2, a], m[2, b])
+        new = 0.0
         draw = rng.random()
         if draw < lookup.outcome[a, b, 0]:
             for one, c, d in ((i, a, b), (j, b, a)):
                 if lookup.shape_of_cell[c] >= 0:
-                    shapes[one] = _pick(lookup.kept[lookup.group_of_cell[d], c], rng)
+                    shape = _pick(lookup.kept[lookup.group_of_cell[d], c], rng)
+                    new = max(new, _place(lookup, population, cells, one, sizes[one], shape))
+                else:
+                    new = max(new, m[2, c])
+            largest = new if new >= largest else -1.0 if left == largest else largest
             continue
         joint = sizes[i] + sizes[j]
         count = 0
@@ -139,7 +162,8 @@ def finite_population(lookup, population, times, rng, samples):
             if sizes[i] == sizes[j] and lookup.shape_of_cell[a] > lookup.shape_of_cell[b]:
                 larger = a
             group = min(lookup.shape_of_cell[larger] + 1, lookup.joined.shape[0] - 1)
-            sizes[i], shapes[i] = joint, _shaped(lookup, lookup.joined[group], joint, rng)
+            shape = _shaped(lookup, lookup.joined[group], joint, rng)
+            new = _place(lookup, population, cells, i, joint, shape)
         else:
             top = lookup.size_index.size - 1
             p, q = lookup.size_index[min(sizes[i], top)], lookup.size_index[min(sizes[j], top)]
@@ -152,19 +176,24 @@ def finite_population(lookup, population, times, rng, samples):
                 pieces,
                 rng,
             )
-            sizes[i], shapes[i] = pieces[0], _shaped(lookup, lookup.scattered, pieces[0], rng)
+            shape = _shaped(lookup, lookup.scattered, pieces[0], rng)
+            new = _place(lookup, population, cells, i, pieces[0], shape)
             for k in range(2, count):
-                sizes[number], shapes[number] = pieces[k], _shaped(lookup, lookup.scattered, pieces[k], rng)
+                shape = _shaped(lookup, lookup.scattered, pieces[k], rng)
+                new = max(new, _place(lookup, population, cells, number, pieces[k], shape))
                 number += 1
         if count > 1:
-            sizes[j], shapes[j] = pieces[1], _shaped(lookup, lookup.scattered, pieces[1], rng)
+            shape = _shaped(lookup, lookup.scattered, pieces[1], rng)
+            new = max(new, _place(lookup, population, cells, j, pieces[1], shape))
         else:
             number -= 1
-            sizes[j], shapes[j] = sizes[number], shapes[number]
+            _place(lookup, population, cells, j, sizes[number], shapes[number])
         if number < keep:
             sizes[number : 2 * number], shapes[number : 2 * number] = sizes[:number], shapes[:number]
+            cells[number : 2 * number] = cells[:number]
             number *= 2
             volume *= 2.0
+        largest = new if new >= largest else -1.0 if left == largest else largest
     return met
 
 
