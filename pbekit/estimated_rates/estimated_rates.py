@@ -257,7 +257,7 @@ class EstimatedRates:
         self._options = (outcomes, memory, partners, edge)
         self.partner_start = np.array([0, grid.cells])
         self._prepare_outcomes()
-        self._prepare_fragments()
+        self.scattered = np.flatnonzero(np.isin(resolved.outcome, SCATTERED))
         self._prepare_radii()
         if grid.shapes > 1:
             self._prepare_shapes()
@@ -269,7 +269,6 @@ class EstimatedRates:
         shape = r.shape(table.shape_name, table.radius)
         single = (r.size <= 2) | (grid.shapes == 1)
         shape = np.where(single, np.nan, shape)
-        self.law = LogisticLaw.fit(LogisticLaw.features(*r.size.T, *shape.T), self.kind)
         own = np.where(grid.shape_of_cell < 0, np.nan, grid.shape)
         self._cell_features = LogisticLaw.features(
             grid.mass[:, None], grid.mass[None], own[:, None], own[None]
@@ -285,15 +284,12 @@ class EstimatedRates:
             )
         b, a = np.tril_indices(table.classes)
         self._class_features = LogisticLaw.features(size[a], size[b], middle[a], middle[b])
-        features = LogisticLaw.features(*r.size.T, *shape.T)
+        features = self._features = LogisticLaw.features(*r.size.T, *shape.T)
         seen = np.bincount(table.pair, minlength=table.pairs)
         for f in range(features.shape[1]):
             mean = np.bincount(table.pair, features[:, f], table.pairs) / np.maximum(seen, 1)
             self._class_features[:, f] = np.where(seen > 0, mean, self._class_features[:, f])
         self.trials = seen
-        self.strength = self._prior_strength(
-            np.bincount(table.pair * 3 + self.kind, minlength=3 * table.pairs)
-        )
         shape_of_cell = np.where(grid.shape_of_cell < 0, np.nan, grid.shape)
         cell_class = table.class_of(grid.mass, shape_of_cell)
         low_class, high_class = (f(cell_class[:, None], cell_class[None]) for f in (np.minimum, np.maximum))
@@ -301,9 +297,16 @@ class EstimatedRates:
         beyond = grid.mass > r.size.max()
         self.extrapolated = (seen[self.cell_pair] == 0) | beyond[:, None] | beyond[None]
 
-    def _prior_strength(self, counts: np.ndarray) -> float:
+    @cached_property
+    def law(self) -> LogisticLaw:
+        """What smoothly depends on sizes and shapes in the outcomes; fitted when it is asked for."""
+        return LogisticLaw.fit(self._features, self.kind)
+
+    @cached_property
+    def strength(self) -> float:
         """Pseudo-encounters of the law per pair of classes, by the marginal likelihood of the classes' counts."""
-        counts = counts.reshape(-1, 3)
+        table = self.table
+        counts = np.bincount(table.pair * 3 + self.kind, minlength=3 * table.pairs).reshape(-1, 3)
         law = np.maximum(self.law(self._class_features), 1e-12)
         used = counts.sum(axis=1) > 0
 
@@ -333,21 +336,36 @@ class EstimatedRates:
 
     # -- fragments ------------------------------------------------------------------------------------------------
 
-    def _prepare_fragments(self) -> None:
-        grid, r = self.grid, self.records
-        self.scattered = np.flatnonzero(np.isin(r.outcome, SCATTERED))
+    def _pair_totals(self) -> tuple[np.ndarray, np.ndarray]:
+        """(pairs of sizes,) primaries of both, and of the smaller."""
+        grid = self.grid
         high, low = np.tril_indices(grid.sizes)
-        total = grid.pivots[low] + grid.pivots[high]
-        events = self.scattered
+        return grid.pivots[low] + grid.pivots[high], grid.pivots[low]
+
+    @cached_property
+    def _fragment_norm(self) -> sparse.csr_array:
+        """(pairs of sizes, scattered) weights of the scattered encounters that stand for those of a pair."""
+        r, events = self.records, self.scattered
+        total, smaller = self._pair_totals()
         before = r.size[events].sum(axis=1).astype(float)
-        scale = np.array([0.25, 0.15])
-        targets = np.stack([np.log(total), grid.pivots[low] / total], axis=1)
+        targets = np.stack([np.log(total), smaller / total], axis=1)
         samples = np.stack([np.log(before), r.size[events].min(axis=1) / before], axis=1)
-        width = grid.sizes + 2
+        return nearest(targets, samples, np.array([0.25, 0.15]))
+
+    @cached_property
+    def _fragments(self) -> sparse.csr_array | np.ndarray:
+        """Products of each scattered encounter, scaled to each pair of sizes; found when they are asked for.
+
+        (pairs of sizes times (S + 2), scattered); without any, (pairs of sizes, S + 2) of any split
+        """
+        grid, r = self.grid, self.records
+        total, _ = self._pair_totals()
+        events = self.scattered
         if events.size == 0:
-            self._fragments = self._no_fragments(total)
-            return
-        near = nearest(targets, samples, scale)
+            return self._no_fragments(total)
+        before = r.size[events].sum(axis=1).astype(float)
+        width = grid.sizes + 2
+        near = self._fragment_norm
         # Every fragment of every near event, scaled to the pair: monomers and dimers stay what they are.
         pair = np.repeat(np.arange(len(total)), np.diff(near.indptr))
         event = near.indices
@@ -374,10 +392,9 @@ class EstimatedRates:
         at = pair[entry][:, None] * width + slot
         number = (share * number[:, None]) * near.data[entry][:, None]
         columns = np.broadcast_to(event[entry][:, None], at.shape)
-        self._fragments = sparse.csr_array(
+        return sparse.csr_array(
             (number.ravel(), (at.ravel(), columns.ravel())), shape=(len(total) * width, events.size)
         )
-        self._fragment_norm = near
 
     def _no_fragments(self, total: np.ndarray) -> np.ndarray:
         """Nothing was seen to break: should the prior's rare breakup occur, any split is equally likely."""
