@@ -10,7 +10,49 @@ os.environ.setdefault("MCDEM_MOST_WORKERS", "8")
 
 import hypothesis  # noqa: E402
 import matplotlib  # noqa: E402
+import pytest  # noqa: E402
 
 matplotlib.use("Agg")
 hypothesis.settings.register_profile("repeatable", deadline=None, derandomize=True, print_blob=True)
 hypothesis.settings.load_profile("repeatable")
+
+LONGEST = (
+    "test_notebooks",
+    "test_validation",
+    "test_compilation",
+    "test_endings",
+    "test_event_selection",
+    "test_cli",
+    "test_runs",
+    "test_moments",
+    "test_report",
+    "test_matrix_free",
+    "test_arguments",
+    "test_two_sizes",
+)
+"""Files with the longest tests: begun last, one of them would keep one worker busy alone at the end."""
+
+
+def _file_of(nodeid):
+    return nodeid.partition("::")[0].rpartition("/")[2].removesuffix(".py")
+
+
+def pytest_collection_modifyitems(items):
+    """The longest files first, the others as they come."""
+    place = {name: k for k, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(_file_of(item.nodeid), len(LONGEST)))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Under `--dist loadfile`: files in the order above, not in that of their numbers of tests; notebooks each by itself."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class LongestFirst(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            return nodeid if _file_of(nodeid) == "test_notebooks" else super()._split_scope(nodeid)
+
+    config.option.loadscopereorder = False
+    return LongestFirst(config, log)

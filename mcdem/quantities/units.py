@@ -197,11 +197,11 @@ def si(name: str, given: object, quantity: Quantity, shape: tuple[int | None, ..
         if hasattr(given, "m_as") and hasattr(given, "is_compatible_with"):
             if not given.is_compatible_with(unit):
                 raise UserError(f"{name}: has the wrong dimension ({given.units:~C}); {expected}")  # type: ignore[attr-defined]  # of pint, whichever registry
-            values = np.array(_magnitude_in(given, unit), dtype=float)
+            values = np.array(_magnitude_in(given, unit), dtype=float, order="C")
         else:
             raw = np.asarray(given)
             if raw.dtype.kind in "fiu":
-                values = np.array(raw, dtype=float)
+                values = np.array(raw, dtype=float, order="C")  # another layout would be compiled anew
             elif raw.dtype.kind in "OU":
                 values = np.array([quantity.to_si(one) for one in raw.ravel()], dtype=float).reshape(
                     raw.shape

@@ -46,7 +46,7 @@ class Follow:
         for i, j in bonds:
             bonded[i, j] = bonded[j, i] = True
         self.motion = state.Motion(
-            np.array(positions, float),
+            np.array(positions, float, order="C"),  # numba compiles anew for another layout
             np.zeros((n, 3)),
             bonded,
             np.full((n, n), -np.inf),
