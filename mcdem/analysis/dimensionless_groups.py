@@ -173,8 +173,16 @@ def _holding(scene: Scene) -> Iterator[Finding]:
         name = "cohesion number 6 pi mu a^2 g/F_adh"
         # A touching doublet is pulled apart with at most 6.12 pi mu a^2 g in simple shear, whose strain stretches at g/2.
         doublet = 6.12 / 6.0 * cohesion * 2.0 * stretching(scene)
-        if doublet > 1.0:
-            words = f"the flow parts even doublets (pull {doublet:.2g} F_adh): no aggregate lasts"
+        # What the frozen resistance leaves of that is what a simulated doublet bears.
+        borne = doublet * _share_of_frozen(scene)
+        if borne > 1.0:
+            words = f"the flow parts even doublets (pull {borne:.2g} F_adh): no aggregate lasts"
+            yield Finding(name, cohesion, "warning", words)
+        elif doublet > 1.0:
+            words = (
+                f"the exact pull on a doublet, {doublet:.3g} F_adh, parts it; with cutoff_convention = "
+                f'"matrix" it bears {borne:.2g} F_adh and holds'
+            )
             yield Finding(name, cohesion, "warning", words)
         elif doublet > 0.05:
             words = f"doublets hold (pull {doublet:.2g} F_adh), larger aggregates are within reach of breakup"
@@ -230,17 +238,12 @@ def _holding(scene: Scene) -> Iterator[Finding]:
     if van_der_waals is not None:
         ratio = van_der_waals.at_contact(scene.suspension.radius) / unit.force
         name = "van der Waals force at contact over 6 pi mu a^2 g"
-        if ratio < 0.01:
-            yield Finding(
-                name,
-                ratio,
-                "note",
-                "attraction before contact should hardly matter (below 0.01): try without",
-            )
+        # At 0.1 it is 2 % of eta_11 of two primaries (tests/analysis/test_check.py).
+        if ratio < 0.1:
+            words = "attraction before contact should hardly matter (below 0.1): try without"
+            yield Finding(name, ratio, "note", words)
         else:
-            yield Finding(
-                name, ratio, "fine", "attraction before contact may decide on captures (above 0.01)"
-            )
+            yield Finding(name, ratio, "fine", "attraction before contact may decide on captures (above 0.1)")
 
 
 def _barrier(scene: Scene) -> Iterator[Finding]:
@@ -367,16 +370,34 @@ def _capture(scene: Scene) -> Iterator[Finding]:
             yield Finding(name, cutoff / roughness, "fine", words)
 
 
-def _frozen_matrix(scene: Scene) -> Iterator[Finding]:
-    """Whether contacts lie so far below the cut-off that the strain squeezes them through the frozen resistance."""
-    contact, fluid = scene.effects.contact, scene.hydrodynamics
-    if contact is None or not fluid.lubrication or fluid.cutoff_convention != "matrix":
-        return
+def _frozen(scene: Scene) -> bool:
+    """Whether contacts rest where the resistance is frozen."""
+    fluid = scene.hydrodynamics
+    return scene.effects.contact is not None and fluid.lubrication and fluid.cutoff_convention == "matrix"
+
+
+def _frozen_gap(scene: Scene) -> float:
+    """Gap over a, below which the resistance is frozen."""
     from mcdem.hydrodynamics.two_sphere.tables import SMALLEST_GAP
 
-    overlap = -_contact_at_rest(scene)[0]
-    frozen = max(fluid.lubrication_cutoff, SMALLEST_GAP)
-    ratio, share = frozen / overlap, doublet_share(frozen, overlap)
+    return max(scene.hydrodynamics.lubrication_cutoff, SMALLEST_GAP)
+
+
+def _frozen_over_overlap(scene: Scene) -> float:
+    """That gap over the overlap of a contact at rest."""
+    return _frozen_gap(scene) / -_contact_at_rest(scene)[0]
+
+
+def _share_of_frozen(scene: Scene) -> float:
+    """What a touching doublet bears of its exact tension."""
+    return doublet_share(_frozen_gap(scene), -_contact_at_rest(scene)[0]) if _frozen(scene) else 1.0
+
+
+def _frozen_matrix(scene: Scene) -> Iterator[Finding]:
+    """Whether contacts lie so far below the cut-off that the strain squeezes them through the frozen resistance."""
+    if not _frozen(scene):
+        return
+    ratio, share = _frozen_over_overlap(scene), _share_of_frozen(scene)
     name = "cut-off delta over the overlap of a contact at rest"
     if share > 0.0:
         told = f'with cutoff_convention = "matrix" a touching doublet bears {share:.2g} of its exact tension'

@@ -9,9 +9,11 @@ from scipy.integrate import quad
 from typer.testing import CliRunner
 
 import mcdem
+from mcdem.aggregates import straight_chain
 from mcdem.analysis.dimensionless_groups import check, contact_relaxation, doublet_share, tabor_number
 from mcdem.analysis.paired_encounters import efficiency
 from mcdem.commands.main import app
+from mcdem.encounter import worst_loads
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -107,6 +109,62 @@ def test_verdicts_follow_the_numbers(changes, start, verdict, words):
     assert words in found.words
     before = [one for one in check(scene()) if one.name.startswith(start)]
     assert found not in before
+
+
+# Rules against what happens, on both sides of their thresholds.
+
+
+def capture_area(scene):
+    """Square of the critical offset in the plane of shear: eta_11 goes with it."""
+    return mcdem.critical_offset(scene, 0.0) ** 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("stress", "verdict"), [("0.3 Pa", "fine"), ("3 Pa", "fine"), ("300 Pa", "note")])
+def test_captures_depend_on_the_cut_off_where_it_reaches_beyond_their_gap(stress, verdict):
+    """At half the cut-off: nothing at delta over the gap of 0.15 and 0.47, a tenth of eta_11 at 4.7."""
+    given = scene(1000, flow__shear_stress=stress)
+    halved = given.with_changes(
+        {"hydrodynamics.lubrication_cutoff": 0.5 * given.hydrodynamics.lubrication_cutoff}
+    )
+    change = abs(capture_area(halved) / capture_area(given) - 1.0)
+    found = finding(given, "cut-off delta over the gap")
+    assert found.verdict == verdict
+    assert (change > 0.02) == (found.value > 1.0), change
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("hamaker_constant", "verdict"), [("1e-23 J", "note"), ("1.5e-22 J", "note"), ("1e-21 J", "fine")]
+)
+def test_attraction_before_contact_matters_above_a_tenth_of_the_viscous_force(hamaker_constant, verdict):
+    given = scene(1000, effects__van_der_waals__hamaker_constant=hamaker_constant)
+    change = capture_area(given) / capture_area(scene(1000, effects__van_der_waals=None)) - 1.0
+    found = finding(given, "van der Waals force")
+    assert found.verdict == verdict
+    assert (change > 0.02) == (found.value > 0.1), (found.value, change)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("wavelength", "stress"), [("100 nm", "1000 Pa"), ("300 nm", "1000 Pa"), ("100 nm", "3 Pa")]
+)
+def test_retardation_matters_where_the_gap_of_capture_is_long(wavelength, stress):
+    given = scene(1000, flow__shear_stress=stress, effects__van_der_waals__london_wavelength=wavelength)
+    off = {"effects.van_der_waals.retarded": False, "effects.van_der_waals.london_wavelength": None}
+    change = abs(capture_area(given) / capture_area(given.with_changes(off)) - 1.0)
+    found = finding(given, "retardation")
+    assert ("hardly matter" in found.words) == (found.value < 0.1)
+    assert (change > 0.02) == (found.value > 0.1), (found.value, change)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("convention", ["gap", "matrix"])
+@pytest.mark.parametrize("stress", ["2250 Pa", "2400 Pa", "2800 Pa"])
+def test_doublets_are_said_to_part_where_their_load_exceeds_the_pull_off_force(convention, stress):
+    given = scene(1000, flow__shear_stress=stress, hydrodynamics__cutoff_convention=convention)
+    (load,) = worst_loads(given, [straight_chain(given, 2)])
+    assert ("parts even doublets" in finding(given, "cohesion").words) == (load > 1.0), load
 
 
 DOUBLE_LAYER = {"debye_length": "10 nm", "relative_permittivity": 78.5, "condition": "constant_potential"}

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,8 @@ from asked import mcdem_command, refusal
 from rich.console import Console
 
 from mcdem.monte_carlo.run_control import RunProgress
+from pbekit.errors import RangeWarning
+from pbekit.program import warnings_in_a_line
 from pbekit.progress import ProgressBar
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -212,3 +215,15 @@ def test_on_a_terminal_a_bar_stays_readable(capsys):
     shown = capsys.readouterr().out
     assert "quickstart" in shown and "nothing" not in shown
     assert "25% t = 2.5 s, 40 events (30 missed, 10 aggregation), <P> = 1.25, 0:01:30 left" in shown
+
+
+def test_warnings_of_libraries_do_not_reach_the_terminal(capsys):
+    """Ours are a line each; a library's are for developers, who ask for them by -W."""
+    with warnings_in_a_line():
+        warnings.simplefilter("always")
+        warnings.warn("numba will drop this", DeprecationWarning, stacklevel=1)
+        warnings.warn("overflow encountered", RuntimeWarning, stacklevel=1)
+        warnings.warn("q is outside its range", RangeWarning, stacklevel=1)
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.strip() == "warning: q is outside its range"
