@@ -173,6 +173,11 @@ def draw_fits(rates: SizeRates, laws: FittedLaws, path: Path) -> Path:
             inside = (size >= low) & (size <= high)
             fit = laws.breakage(size[inside], rates.first_order.volume_fraction, rates.table.shear_rate)
             _form(axes[3], data, "breakage", size[inside], fit, p)
+            if laws.breakage_step is not None:
+                fit = laws.breakage_step(
+                    size[inside], rates.first_order.volume_fraction, rates.table.shear_rate
+                )
+                _form(axes[3], data, "breakage_step", size[inside], fit, p, "--")
             axes[3].set(ylabel="S [1/s]", title=f"first order, phi = {rates.first_order.volume_fraction:g}")
         if laws.daughters is not None:
             rows = np.isin(records.outcome, SCATTERED)[records.encounter_of_product]
@@ -189,6 +194,7 @@ def draw_fits(rates: SizeRates, laws: FittedLaws, path: Path) -> Path:
         axes[5].axis("off")
         axes[5].plot([], [], "o", color=BLUE, markersize=3, label="table, 90 %")
         axes[5].plot([], [], color=VERMILION, label="short form")
+        axes[5].plot([], [], "--", color=VERMILION, label="S as a step")
         axes[5].legend(loc="center")
         for ax in axes[:4]:
             ax.set(xscale="log", yscale="log", xlabel="primaries P")
@@ -211,9 +217,15 @@ def _beside(
 
 
 def _form(
-    ax: Axes, data: xr.Dataset, name: str, size: np.ndarray, value: np.ndarray, every: np.ndarray
+    ax: Axes,
+    data: xr.Dataset,
+    name: str,
+    size: np.ndarray,
+    value: np.ndarray,
+    every: np.ndarray,
+    line: str = "-",
 ) -> None:
-    ax.plot(size, value, color=VERMILION)
+    ax.plot(size, value, line, color=VERMILION)
     column = np.full(every.size, np.nan)
     column[np.isin(every, size)] = value[np.isin(size, every)]
     data[f"{name}_form"] = ("P", column)

@@ -16,7 +16,7 @@ from pbekit.balance.population_balance import PopulationBalance
 from pbekit.errors import PBEError
 from pbekit.export.target import HandOver
 from pbekit.solution.steady import NotReachedError, steady_state
-from pbekit.study.fitted_laws import FittedLaw
+from pbekit.study.fitted_form import FittedLaw
 
 HELD = 0.98
 """Share of the aggregated mass in the pairs whose residual is given."""

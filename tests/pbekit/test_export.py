@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import shutil
 import subprocess
@@ -17,8 +18,9 @@ from typer.testing import CliRunner
 from pbekit import Aggregation, KernelTable, PBEError, PopulationBalance, integrate
 from pbekit.commands.main import app
 from pbekit.export import TARGETS, export_table, hand_over
-from pbekit.study.fitted_laws import LEAST, fitted_laws
-from pbekit.study.size_rates import size_rates
+from pbekit.study.fitted_laws import fitted_laws
+from pbekit.study.outcome_laws import LEAST
+from pbekit.study.size_rates import Limits, size_rates
 from pbekit.tables.kernel_table import AGGREGATION, MISSED
 
 LARGEST = 12
@@ -155,6 +157,67 @@ def test_residuals_are_those_of_the_forms(given):
     assert laws.daughters.residual < 0.05
     # Three pieces, whatever the pair; the peaks were fitted to masses alone.
     assert laws.daughters.constants["mean_number_of_the_law"] == pytest.approx(3, rel=0.05)
+
+
+def stepped(rates, k, q, s, critical, m):
+    """The same rates with another S, of a known step, and a population that holds all sizes alike."""
+    p = rates.pivots
+    value = PHI * SHEAR_RATE * k * p**q * (s + 1 / (1 + (critical / p) ** m))
+    first = dataclasses.replace(
+        rates.first_order,
+        breakage=Limits(value, value, value),
+        population=1 / (p * np.maximum(value, 1e-300)),
+    )
+    return dataclasses.replace(rates, first_order=first)
+
+
+def test_a_step_is_found_where_breakage_is_one(given):
+    """Its coefficients, a residual of round-off where the power misses several times over, and the choice between them."""
+    known = {"k": 0.3, "q": 1.0, "s": 2e-3, "P_0": 6.0, "m": 12.0}
+    laws = fitted_laws(stepped(given.rates, *known.values()))
+    for name, value in known.items():
+        assert laws.breakage_step.coefficient(name) == pytest.approx(value, rel=1e-3), name
+    assert laws.breakage_step.residual < 1e-4 < 0.5 < laws.breakage.residual
+    assert laws.best_breakage is laws.breakage_step
+    assert laws.breakage_step.critical_size() == pytest.approx(6.0, rel=1e-3)
+    low, high = laws.breakage_step.validity["P"]
+    p = np.arange(low, high + 1)
+    wanted = PHI * SHEAR_RATE * 0.3 * p * (2e-3 + 1 / (1 + (6.0 / p) ** 12))
+    np.testing.assert_allclose(laws.breakage_step(p, PHI, SHEAR_RATE), wanted, rtol=1e-4)
+    with pytest.raises(PBEError, match="beyond it nothing is known"):
+        laws.breakage_step(2 * LARGEST, PHI, SHEAR_RATE)
+    assert fit_record(laws)["breakage_step"]["largest_residual"] == laws.breakage_step.residual
+
+
+def test_a_power_is_kept_where_breakage_is_one(given):
+    """A power that is scattered by 5 % is no step: three more coefficients do not pay."""
+    rates, scatter = given.rates, np.random.default_rng(1).normal(0, 0.05, given.rates.pivots.size)
+    p = rates.pivots
+    value = PHI * SHEAR_RATE * 0.01 * p**2.5 * np.exp(scatter)
+    first = dataclasses.replace(
+        rates.first_order, breakage=Limits(value, value, value), population=1 / (p * value)
+    )
+    laws = fitted_laws(dataclasses.replace(rates, first_order=first))
+    assert laws.breakage.coefficient("q") == pytest.approx(2.5, abs=0.1)
+    assert laws.best_breakage is laws.breakage
+
+
+def fit_record(laws):
+    return json.loads(json.dumps(laws.record()))
+
+
+def test_a_step_moves_with_the_cohesion_number(given):
+    """P_c of two tables, at N = 0.4 and 0.6, as N^-2."""
+    tables = []
+    for n in (0.4, 0.6):
+        one = stepped(given.rates, 0.3, 1.0, 2e-3, 6.0 * (n / 0.4898979) ** -2, 12.0)
+        about = {**one.table.about, "cohesion_number": n}
+        tables.append(dataclasses.replace(one, table=dataclasses.replace(one.table, about=about)))
+    law = fitted_laws(tables).breakage_step
+    assert law.coefficient("r") == pytest.approx(2.0, rel=1e-2)
+    assert law.critical_size(0.6) / law.critical_size(0.4) == pytest.approx((0.6 / 0.4) ** -2, rel=1e-2)
+    with pytest.raises(PBEError, match=r"N = 0\.9"):
+        law(5.0, PHI, SHEAR_RATE, cohesion=0.9)
 
 
 def test_laws_over_several_cohesion_numbers():
