@@ -160,7 +160,12 @@ def sensitivities(scene: Scene, path: Path | str) -> dict[str, dict[str, float]]
 
 
 def _moved(scene: Scene, own: dict[str, Group], setting: str) -> tuple[str, float] | None:
-    """The group that a setting `key = value` moves, and the logarithm of its ratio; None where it moves none or several."""
+    """The group that a setting `key = value` moves, and the logarithm of its ratio; None where it moves none or several.
+
+    Others may move with it that follow from it and from N: their powers of radius and stress are those of the group, times the
+    ratio of the logarithms, and of N.  So the modulus of a contact moves its indentation, and the stiffness that goes with
+    the inverse of that.
+    """
     key, _, text = setting.partition(" = ")
     if not text or text == "none" or key.partition(".")[0] != "effects":
         return None
@@ -171,6 +176,44 @@ def _moved(scene: Scene, own: dict[str, Group], setting: str) -> tuple[str, floa
         if name in there and group.value and there[name].value / group.value > 0
     }
     ratios = {name: ratio for name, ratio in ratios.items() if abs(ratio) > 1e-9}
-    if not ratios or len({own[name][1:] for name in ratios}) > 1:
+    if not ratios:
         return None
-    return next(iter(ratios.items()))
+    leading, ratio = next(iter(ratios.items()))
+    for name, other in ratios.items():
+        power = other / ratio
+        left = [own[name][k] - power * own[leading][k] for k in (1, 2)]
+        unit = own[COHESION][1:] if COHESION in own and COHESION not in ratios else (0.0, 0.0)
+        # Proportional to the powers of N, or nothing left where N itself moved.
+        if max(map(abs, left)) > 1e-4 and (
+            not any(unit) or abs(left[0] * unit[1] - left[1] * unit[0]) > 1e-4 * max(map(abs, unit))
+        ):
+            return None
+    return leading, ratio
+
+
+def conditions_of_file(path: Path | str) -> dict[str, object]:
+    """What a balance may ask of a scene file: its conditions and groups, in plain types.
+
+    Returns
+    -------
+    radius [m], viscosity [Pa s], shear_rate [1/s], volume_fraction, and groups: {name: (value, power of radius, power of stress)}
+
+    Raises
+    ------
+    UserError : of a file that is no scene, or a flow other than simple shear
+    """
+    from mcdem.scene import load_scene
+
+    scene = load_scene(Path(path))
+    if scene.flow.kind != "simple_shear":
+        raise UserError(
+            f'{path}: flow.kind = "{scene.flow.kind}": a table for the balance counts meetings in simple shear'
+        )
+    scene.require_one_radius("a table for the balance counts equal primaries")
+    return {
+        "radius": scene.suspension.radius,
+        "viscosity": scene.flow.viscosity,
+        "shear_rate": scene.flow.shear_rate,
+        "volume_fraction": scene.suspension.volume_fraction,
+        "groups": {name: tuple(group) for name, group in groups(scene).items()},
+    }

@@ -98,6 +98,5 @@ LEVEL = Level(
     no_two_body,
     stresslets,
     squeeze=lambda gap: 40.0 / 21.0,  # half of X^A_11 - X^A_12 by `two_sphere.far_field` at r = 2a
-    coupled=True,
     stresslet_couplings=True,
 )

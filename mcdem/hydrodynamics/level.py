@@ -29,7 +29,7 @@ class Level:
     stresslets : compiled, (parameters, work, radii, rates (6N,), strain (5,), out (N, 5)); those exerted on the fluid
     two_body_of_strains : compiled, (parameters, work, radii, strains (5, 5), strain_loads (5, 6N)), `two_body` of five at once
     squeeze : gap over a -> resistance over 6 pi mu a to changing the gap of two spheres that are this near, for estimates
-    coupled : whether spheres interact;  stresslet_couplings : whether through their stresslets too, so that a far field is
+    stresslet_couplings : whether spheres interact through their stresslets too, so that a far field is
         worth keeping and rigid aggregates may approach as bodies with a stresslet;  lubrication : whether pairs have it
     """
 
@@ -41,7 +41,6 @@ class Level:
     stresslets: Callable[..., Any]
     squeeze: Callable[[float], float]
     two_body_of_strains: Callable[..., Any] | None = None
-    coupled: bool = False
     stresslet_couplings: bool = False
     lubrication: bool = False
 
@@ -166,19 +165,3 @@ def stresslets(level, work, radii, rates, strain_five, out):
     `work` holds the factor of `resistance` and what `strain_load` left of the same strain; the latter is used up.
     """
     _stresslets(level, work, radii, rates, strain_five, out)
-
-
-def _is_coupled(level):
-    raise NotImplementedError("compiled code only")
-
-
-@overload(_is_coupled)
-def _(level):
-    coupled = level_of(level).coupled
-    return lambda level: coupled
-
-
-@compiled
-def is_coupled(level):
-    """Whether spheres interact through the fluid."""
-    return _is_coupled(level)

@@ -37,5 +37,4 @@ LEVEL = Level(
     no_two_body,
     single_stresslets,
     squeeze=lambda gap: 4.0 / 3.0,  # 1/(2 (1 - 5/8)) by the couplings of `grand_mobility` at r = 2a
-    coupled=True,
 )

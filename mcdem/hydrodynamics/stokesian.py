@@ -91,7 +91,6 @@ LEVEL = Level(
     stresslets,
     squeeze=lambda gap: 1.0 / (4.0 * gap),  # the leading term of lubrication
     two_body_of_strains=two_body_of_strains,
-    coupled=True,
     stresslet_couplings=True,
     lubrication=True,
 )

@@ -26,7 +26,6 @@ from mcdem.effects.sums import (
 )
 from mcdem.hydrodynamics import level as levels
 from mcdem.hydrodynamics.grand_mobility import five_tensor, tensor_to_five
-from mcdem.hydrodynamics.level import is_coupled
 from mcdem.hydrodynamics.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
 from mcdem.hydrodynamics.resistance import angular_velocities, eliminate_torques, measure, reduce_strain_load
 from mcdem.hydrodynamics.undisturbed_flow import spin_component
@@ -235,10 +234,7 @@ def analyse(work, positions, bonded, radii, physics):
     matrix = work.resistance[m:, m:]
     modes = rigid_modes(positions)
     rigid = RigidMotions(modes, pull_of_modes(matrix, modes), np.zeros((6, 6)))
-    # Spheres free to turn do not resist that a doublet spins about its own axis, and dragged each by itself not even by
-    # rounding, which may have either sign: a small addition leaves that spin at zero.
-    settled = is_coupled(level) and rigid_resistance(rigid, 0.0)
-    if not settled and not rigid_resistance(rigid, 1e-12):
+    if not rigid_resistance(rigid, straight_axis(positions)):
         return FAILED, body
     response = np.zeros((count, 5))
     relative, load, rates, own = np.empty(m), np.empty(m), np.empty(6 * n), np.empty(6)
@@ -374,11 +370,26 @@ def add_stresslet(level, work, radii, positions, rates, load, strain_five, stres
         stresslet[c] += extra[c]
 
 
+@compiled
+def straight_axis(positions):
+    """Unit vector (3,) along a doublet, whose spheres, free to turn, do not resist that it spins about it; else zero.
+
+    No other straight aggregate is rigid by its contacts' normal forces alone.
+    """
+    axis = np.zeros(3)
+    if positions.shape[0] == 2:
+        for k in range(3):
+            axis[k] = positions[1, k] - positions[0, k]
+        axis /= np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+    return axis
+
+
 @separately_compiled(types.boolean)
-def rigid_resistance(rigid, ridge):
+def rigid_resistance(rigid, axis):
     """Fill and factorise the resistance of the rigid motions; True if it can be.
 
-    ridge : added to that of rotations, over its sum
+    axis : (3,) about which nothing resists a spin, or zero.  Rounding would choose that spin, and with it the step errors of
+        all that the body does: it is given the resistance of the others, which leaves it at zero, as no torque is about it
     """
     modes, pulled, grand = rigid.modes, rigid.pulled, rigid.grand
     for p in range(6):
@@ -386,10 +397,10 @@ def rigid_resistance(rigid, ridge):
             grand[p, q] = 0.0
             for row in range(modes.shape[1]):
                 grand[p, q] += modes[p, row] * pulled[q, row]
-    if ridge > 0.0:
-        spinning = grand[3, 3] + grand[4, 4] + grand[5, 5]
-        for p in range(3, 6):
-            grand[p, p] += ridge * spinning
+    spinning = grand[3, 3] + grand[4, 4] + grand[5, 5]
+    for p in range(3):
+        for q in range(3):
+            grand[3 + p, 3 + q] += spinning * axis[p] * axis[q]
     return cholesky(grand) == 0
 
 

@@ -286,7 +286,7 @@ def analyse_with_torques(work, positions, bonded, springs, radii, physics):
     unit, strain_loads = np.eye(5), np.empty((5, 2 * m))
     loads_of_strains(level, work, radii, unit, strain_loads)
     rigid = RigidMotions(modes, pull_of_modes(work.resistance, modes), np.zeros((6, 6)))
-    if not rigid_resistance(rigid, 0.0):
+    if not rigid_resistance(rigid, np.zeros(3)):
         return FAILED, body
     relative, load, own = np.empty(2 * m), np.empty(2 * m), np.empty(6)
     for k in range(5):

@@ -29,6 +29,15 @@ FigureFolder = Annotated[
         help="Folder for figures and numbers; those drawn before are replaced.",
     ),
 ]
+Scene = Annotated[
+    Path | None,
+    typer.Option(
+        "--scene",
+        metavar="SCENE",
+        help="Scene of mcdem (TOML) whose radius, viscosity, shear rate and volume fraction a table is used at; its groups are "
+        "compared with the table's.",
+    ),
+]
 Radius = Annotated[
     float | None,
     typer.Option(

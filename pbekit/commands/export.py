@@ -9,7 +9,7 @@ import typer
 
 from pbekit import arguments
 from pbekit.arguments import LARGEST_SEED, MOST_EXACT
-from pbekit.commands import Cohesion, Draws, Radius, ShearRate, Table, Until, Viscosity, VolumeFraction
+from pbekit.commands import Cohesion, Draws, Radius, Scene, ShearRate, Table, Until, Viscosity, VolumeFraction
 from pbekit.export.menu import TARGETS
 
 
@@ -24,6 +24,7 @@ def export(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write to; made if not there.")
     ],
+    scene: Scene = None,
     radius: Radius = None,
     viscosity: Viscosity = None,
     shear_rate: ShearRate = None,
@@ -53,13 +54,20 @@ def export(
     from pbekit.export.menu import target
     from pbekit.export.write import exported_report
     from pbekit.progress import ProgressBar
+    from pbekit.scenes import conditions_given
     from pbekit.study.solve_table import open_table
-    from pbekit.tables.similarity import elsewhere
 
     target(to)
-    table, conditions = open_table(kernels), None
-    if any(given is not None for given in (radius, viscosity, shear_rate, cohesion)):
-        conditions = elsewhere(table, radius, viscosity, shear_rate, cohesion)
+    table = open_table(kernels)
+    conditions, volume_fraction = conditions_given(
+        table,
+        scene,
+        volume_fraction,
+        radius=radius,
+        viscosity=viscosity,
+        shear_rate=shear_rate,
+        cohesion=cohesion,
+    )
     with ProgressBar("pbekit export") as progress:
         done = export_table(
             table,

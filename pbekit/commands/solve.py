@@ -19,7 +19,7 @@ from pbekit.arguments import (
     SCHEMES,
     least_draws,
 )
-from pbekit.commands import Cohesion, Radius, ShearRate, Until, Viscosity, VolumeFraction
+from pbekit.commands import Cohesion, Radius, Scene, ShearRate, Until, Viscosity, VolumeFraction
 from pbekit.program import checked
 
 
@@ -40,6 +40,7 @@ def solve(
             help="Shear stress [Pa] to interpolate to, between those of two tables.",
         ),
     ] = None,
+    scene: Scene = None,
     radius: Radius = None,
     viscosity: Viscosity = None,
     shear_rate: ShearRate = None,
@@ -83,15 +84,21 @@ def solve(
     """Solve the balance on a table over time and at steady state, or at a stress between those of two tables."""
     from pbekit.outputs import FILES, SOLUTION, check_solution
     from pbekit.progress import ProgressBar
+    from pbekit.scenes import conditions_given
     from pbekit.study.report import solution_report
     from pbekit.study.solve_table import InterruptedDraws, cautions, open_table, solve_table
-    from pbekit.tables.similarity import elsewhere
 
     check_solution(output, overwrite=overwrite)
     tables = [open_table(k) for k in kernels]
-    conditions = None
-    if any(given is not None for given in (radius, viscosity, shear_rate, cohesion)):
-        conditions = elsewhere(tables[0], radius, viscosity, shear_rate, cohesion)
+    conditions, volume_fraction = conditions_given(
+        tables[0],
+        scene,
+        volume_fraction,
+        radius=radius,
+        viscosity=viscosity,
+        shear_rate=shear_rate,
+        cohesion=cohesion,
+    )
     for line in cautions(tables, volume_fraction, exact_to, largest):
         typer.secho(line, fg="yellow", err=True)
     interrupted = False

@@ -10,7 +10,7 @@ said, with what is known of how much they matter (`about["sensitivities"]`).
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -41,6 +41,7 @@ class Conditions:
     viscosity : of the medium [Pa s]
     shear_rate : [1/s]
     cohesion : N of its contacts; that of the table's material at these conditions where it is None
+    groups : all dimensionless groups there, by name, of a material of its own (`pbekit.scenes`); None for the table's
 
     Examples
     --------
@@ -54,6 +55,7 @@ class Conditions:
     viscosity: float
     shear_rate: float
     cohesion: float | None = None
+    groups: Mapping[str, Group] | None = None
 
     def __post_init__(self) -> None:
         number("radius", self.radius, 1e-10, 1.0, "a radius of primaries in m")
@@ -102,7 +104,9 @@ def groups_of(table: KernelTable) -> dict[str, Group]:
 
 
 def groups_at(table: KernelTable, conditions: Conditions) -> dict[str, Group]:
-    """Groups of the table's material at other conditions; N is that of the conditions where they state one."""
+    """Groups of the table's material at other conditions, or the conditions' own; N is theirs where they state one."""
+    if conditions.groups is not None:
+        return dict(conditions.groups)
     own = conditions_of(table)
     a, s = conditions.radius / own.radius, conditions.stress / own.stress
     found = {
@@ -180,6 +184,12 @@ def at_conditions(
 def _cure(table: KernelTable, conditions: Conditions) -> str:
     """The shear rate that keeps the table's cohesion number, or how to state another."""
     group, own = groups_of(table)[COHESION], conditions_of(table)
+    if conditions.groups is not None:
+        there = conditions.groups[COHESION]
+        if there.stress == 0:
+            return "beyond them nothing is known"
+        kept = conditions.shear_rate * (group.value / there.value) ** (1.0 / there.stress)
+        return f"a shear rate of {kept:.6g} 1/s gives the scene the table's"
     if conditions.cohesion is not None or group.stress == 0:
         return "beyond them nothing is known"
     kept = (
@@ -196,7 +206,13 @@ def _assumed(table: KernelTable, conditions: Conditions, cohesion: float) -> lis
     """What differs between the table's groups and those at the conditions, and how much that matters."""
     lines = [
         f"N = {cohesion:.4g} at {conditions.radius * 1e9:g} nm, {conditions.viscosity:g} Pa s and {conditions.shear_rate:g} 1/s"
-        + (" as stated" if conditions.cohesion is not None else ", for the material of the table")
+        + (
+            ", of the scene"
+            if conditions.groups is not None
+            else " as stated"
+            if conditions.cohesion is not None
+            else ", for the material of the table"
+        )
     ]
     if conditions.cohesion is not None:
         lines.append("all other groups are taken to be the table's: nothing is known of the material")
@@ -204,16 +220,21 @@ def _assumed(table: KernelTable, conditions: Conditions, cohesion: float) -> lis
     before, after = groups_of(table), groups_at(table, conditions)
     slopes = json.loads(str(table.about.get("sensitivities", "{}")))
     unknown: list[str] = []
-    seen: set[tuple[float, float]] = {before[COHESION][1:]} if COHESION in before else set()
+    named: list[Group] = []
     for name, group in before.items():
-        factor = after[name].value / group.value if group.value else 1.0
-        # What goes with N, or with a group that was named, says nothing new.
-        inverse = (-group.radius, -group.stress)
-        if abs(factor - 1) <= SAME or (name not in slopes and {group[1:], inverse} & seen):
+        if name not in after:
+            lines.append(f"{name} is of the table alone, {group.value:.4g}: the scene has other effects")
             continue
-        seen.add(group[1:])
+        factor = after[name].value / group.value if group.value else 1.0
+        if name == COHESION or abs(factor - 1) <= SAME:
+            continue
+        # What goes with N, or with N and a group that was named, says nothing new of one material.
+        of_one = conditions.groups is None and COHESION in before
+        if of_one and name not in slopes and _follows(group, named, before[COHESION]):
+            continue
+        named.append(group)
         line = f"{name} would be {after[name].value:.4g}, the table has {group.value:.4g} and is used with it"
-        known = slopes.get(name)
+        known = slopes.get(name) if factor > 0 else None
         if known:
             line += ": " + ", ".join(
                 f"{quantity} goes with its power {power:.2g}, so by a factor of {factor**power:.2g}"
@@ -222,6 +243,21 @@ def _assumed(table: KernelTable, conditions: Conditions, cohesion: float) -> lis
         else:
             unknown.append(name)
         lines.append(line)
+    lines += [
+        f"{name} is of the scene alone, {group.value:.4g}: the table has other effects"
+        for name, group in after.items()
+        if name not in before
+    ]
     if unknown:
         lines.append(f"how much they matter was not measured (mcdem sensitivity): {', '.join(unknown)}")
     return lines
+
+
+def _follows(group: Group, named: Sequence[Group], cohesion: Group) -> bool:
+    """Whether the powers of a group are those of N to some power, alone or times one of the named groups or its inverse."""
+    parts = [(0.0, 0.0)] + [(sign * g.radius, sign * g.stress) for g in named for sign in (1, -1)]
+    for radius, stress in parts:
+        left = group.radius - radius, group.stress - stress
+        if abs(left[0] * cohesion.stress - left[1] * cohesion.radius) < 1e-5:
+            return True
+    return False

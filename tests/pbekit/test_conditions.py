@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from pbe_synthetic import RADIUS, SHEAR_RATE, design
 from typer.testing import CliRunner
 
+from mcdem import load_scene
+from mcdem.analysis.similarity import groups
 from pbekit import Conditions, KernelTable, PBEError, solve_table
 from pbekit.commands.main import app
 from pbekit.export import export_table, hand_over
+from pbekit.scenes import conditions_of_scene
 from pbekit.tables.similarity import at_conditions, groups_at, rescaled
 
 LARGEST, PHI, VISCOSITY = 12, 1e-2, 2.0
@@ -104,3 +109,101 @@ def test_an_export_at_other_conditions_has_their_rates(tmp_path):
     )
     export_table(moved, "csv", tmp_path)
     assert "van_der_waals.minimum_approach would be" in (tmp_path / "README.md").read_text()
+
+
+# -- a scene ------------------------------------------------------------------------------------------------------------
+
+SCENE = Path(__file__).parents[2] / "scenes" / "quickstart.toml"
+
+
+def table_of_scene(**about) -> KernelTable:
+    """A synthetic table that says the groups and conditions of the quickstart."""
+    scene = load_scene(SCENE)
+    a, g = scene.suspension.radius, scene.flow.shear_rate
+    made = {
+        "viscosity": scene.flow.viscosity,
+        "volume_fraction": PHI,
+        "groups": json.dumps(groups(scene)),
+        **about,
+    }
+    table = table_of(0.4)
+    return KernelTable.of(
+        table.records.scaled(a / RADIUS, SHEAR_RATE / g), a, g,
+        size_edges=np.arange(1, LARGEST + 2), shapes=1, about=made,
+    )  # fmt: skip
+
+
+def scene_with(tmp_path, *changes: tuple[str, str]) -> Path:
+    text = SCENE.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_scene_gives_the_conditions_and_its_own_groups(tmp_path):
+    """The table's own scene: nothing differs; another Hamaker constant alone: the attraction is named, at its weight."""
+    power = 0.2
+    table = table_of_scene(sensitivities=json.dumps({"attraction_number": {"eta_11": power}}))
+    conditions, share = conditions_of_scene(SCENE)
+    assert (conditions.radius, share) == (table.radius, 1e-4)
+    (moved,), _, lines = at_conditions([table], conditions)
+    assert len(lines) == 1 and lines[0].startswith("N = 0.4255") and lines[0].endswith("of the scene")
+    assert moved.radius == table.radius
+    stronger = scene_with(tmp_path, ("0.97e-20 J", "1.94e-20 J"))
+    _, _, lines = at_conditions([table], conditions_of_scene(stronger)[0])
+    (named,) = [line for line in lines if line.startswith("attraction_number")]
+    assert f"by a factor of {2**power:.2g}" in named
+    without = scene_with(tmp_path, ("[effects.van_der_waals]", "[effects.born]"), *BORN)
+    _, _, lines = at_conditions([table], conditions_of_scene(without)[0])
+    assert any(line.startswith("attraction_number is of the table alone") for line in lines)
+    assert any("of the scene alone" in line for line in lines)
+
+
+BORN = (
+    ('hamaker_constant = "0.97e-20 J"\n', ""),
+    ('minimum_approach = "0.165 nm"\n', 'collision_diameter = "0.5 nm"\n'),
+    ('london_wavelength = "100 nm"  # assumed: the paper gives none\n', ""),
+)
+
+
+def test_a_scene_of_another_cohesion_number_is_refused_with_what_gives_it_the_tables(tmp_path):
+    table = table_of_scene()
+    slower = scene_with(tmp_path, ('"1e4 1/s"', '"8e3 1/s"'))
+    with pytest.raises(PBEError, match="a shear rate of 10000 1/s gives the scene the table's"):
+        at_conditions([table], conditions_of_scene(slower)[0])
+
+
+def test_a_file_that_is_no_scene_is_refused_in_one_line(tmp_path):
+    with pytest.raises(PBEError, match="radius"):
+        conditions_of_scene(scene_with(tmp_path, ('radius = "500 nm"', 'radius = "500 Pa"')))
+    turning = scene_with(
+        tmp_path, ('"simple_shear"', '"uniaxial"'), ('shear_rate = "1e4 1/s"', 'extension_rate = "1e4 1/s"')
+    )
+    with pytest.raises(PBEError):
+        conditions_of_scene(turning)
+
+
+def test_commands_take_a_scene(tmp_path):
+    table_of_scene().save(tmp_path / "table.nc")
+    asked = ["solve", str(tmp_path / "table.nc"), "-o", str(tmp_path / "balance.nc"), "--scene", str(SCENE)]
+    asked += ["--until", "1 s", "--largest", str(LARGEST), "--exact-to", str(LARGEST)]
+    done = CliRunner().invoke(app, asked)
+    assert done.exit_code == 0, done.output
+    with xr.open_dataset(tmp_path / "balance.nc") as data:
+        radius = load_scene(SCENE).suspension.radius
+        assert float(data.number[0] @ data.mass) == pytest.approx(
+            1e-4 / (4 / 3 * np.pi * radius**3), rel=1e-9
+        )
+        assert "of the scene" in data.attrs["assumed"]
+    done = CliRunner().invoke(app, [*asked, "--overwrite", "--radius", "1e-7"])
+    assert isinstance(done.exception, PBEError) or "give one of them" in done.output
+    exported = CliRunner().invoke(
+        app,
+        ["export", str(tmp_path / "table.nc"), "--to", "csv", "-o", str(tmp_path / "out"), "--scene", str(SCENE),
+         "--until", "1 s", "--draws", "19", "--largest", str(LARGEST), "--exact-to", str(LARGEST)],
+    )  # fmt: skip
+    assert exported.exit_code == 0, exported.output
+    assert "of the scene" in (tmp_path / "out" / "README.md").read_text()
