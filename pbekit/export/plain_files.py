@@ -6,7 +6,9 @@ import json
 
 import numpy as np
 
+from pbekit.errors import PBEError
 from pbekit.export.target import MARK, HandOver, columns
+from pbekit.study.shape_relaxation import shape_relaxation
 from pbekit.study.size_rates import MOMENTS
 
 NOTES = {
@@ -19,6 +21,9 @@ NOTES = {
     "daughter_moments.csv": "moments 0 to 5 of the daughters over x = P_k/(P_i + P_j): order 0 is their number, order 1 is one",
     "first_order.csv": "what breakup by encounters amounts to as breakup of first order in one population n: M, the rate of "
     "encounters that break, and S, the rate of breakages in two that makes as many new aggregates",
+    "shapes.csv": "restructuring as relaxation of shape, by class of size of the table: survivors counted, the share kappa of "
+    "the way to the resting shape that an encounter takes, that shape, encounters survived per unit time in the population of "
+    "first_order.csv, and the rate of relaxation, with 90 % limits; nan where too few were seen or shapes do not relax",
     "course.csv": "mean size over time from free primaries, with its 90 % band",
     "steady.csv": "share in number of each size at steady state, with its 90 % band",
     "fit.json": "short forms with coefficients, covariance, range of validity and largest residual",
@@ -59,6 +64,8 @@ def plain_files(given: HandOver) -> dict[str, str]:
                 f"{name}_high [1/s]": limits.high,
             }
         found["first_order.csv"] = columns(table)
+    if shapes := _shapes(given):
+        found["shapes.csv"] = shapes
     data = given.solution
     course = {"time [s]": data.time.values, "mean_size [1]": data.mean_size.values}
     for end in ("low", "high"):
@@ -105,6 +112,23 @@ def _pairs(given: HandOver) -> str:
             f"{name}_high [{unit}]": of.high[i, j],
         }
     return columns({**table, "extrapolated [1]": rates.extrapolated[i, j]})
+
+
+def _shapes(given: HandOver) -> str | None:
+    """Relaxation of shape, or None where nothing was seen of it."""
+    try:
+        found = shape_relaxation(given.rates)
+    except PBEError:
+        return None
+    table = {"P_low [1]": found.low, "P_high [1]": found.high, "survivors [1]": found.survivors}
+    for name, limits in (
+        ("kappa [1]", found.kappa),
+        ("resting_shape [1]", found.resting_shape),
+        ("rate [1/s]", found.rate),
+    ):
+        of, unit = name.split()
+        table |= {name: limits.value, f"{of}_low {unit}": limits.low, f"{of}_high {unit}": limits.high}
+    return columns({**table, "spread [1]": found.spread, "survived [1/s]": found.surviving})
 
 
 def _daughters(given: HandOver) -> str:

@@ -7,6 +7,7 @@ from .evidence import supported_steady_state as supported_steady_state
 from .monte_carlo import MonteCarlo as MonteCarlo
 from .over_stresses import efficiencies as efficiencies
 from .over_stresses import stress_law as stress_law
+from .shape_relaxation import shape_relaxation as shape_relaxation
 from .solve_table import open_table as open_table
 from .uncertainty import band as band
 from .uncertainty import draws_of as draws_of

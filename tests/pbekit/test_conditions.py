@@ -156,17 +156,12 @@ def test_a_scene_gives_the_conditions_and_its_own_groups(tmp_path):
     _, _, lines = at_conditions([table], conditions_of_scene(stronger)[0])
     (named,) = [line for line in lines if line.startswith("attraction_number")]
     assert f"by a factor of {2**power:.2g}" in named
-    without = scene_with(tmp_path, ("[effects.van_der_waals]", "[effects.born]"), *BORN)
-    _, _, lines = at_conditions([table], conditions_of_scene(without)[0])
-    assert any(line.startswith("attraction_number is of the table alone") for line in lines)
-    assert any("of the scene alone" in line for line in lines)
-
-
-BORN = (
-    ('hamaker_constant = "0.97e-20 J"\n', ""),
-    ('minimum_approach = "0.165 nm"\n', 'collision_diameter = "0.5 nm"\n'),
-    ('london_wavelength = "100 nm"  # assumed: the paper gives none\n', ""),
-)
+    bare = {k: v for k, v in groups(load_scene(SCENE)).items() if not k.startswith("van_der_waals")}
+    for effects in (bare, {**bare, "double_layer.strength": (0.1, 1.0, 0.0)}):
+        _, _, lines = at_conditions([table_of_scene(groups=json.dumps(effects))], conditions)
+        alone = [line.split()[0] for line in lines if "of the scene alone" in line]
+        assert alone and all(name.startswith("van_der_waals.") for name in alone)
+    assert any(line.startswith("double_layer.strength is of the table alone") for line in lines)
 
 
 def test_a_scene_of_another_cohesion_number_is_refused_with_what_gives_it_the_tables(tmp_path):
