@@ -9,6 +9,9 @@ from overlaps import overlaps
 from pbe_synthetic import RADIUS, SHEAR_RATE, design
 
 from pbekit import figures
+from pbekit.figures import comparison as comparisons
+from pbekit.figures import stresses
+from pbekit.figures import table as tables
 from pbekit.study.compare import Comparison
 from pbekit.tables.kernel_table import KernelTable
 
@@ -129,7 +132,8 @@ def fractions(leg):
 @pytest.mark.parametrize("name", DRAWN)
 def test_no_text_lies_over_another_or_over_data(name, leg, tmp_path, monkeypatch):
     kept = []
-    monkeypatch.setattr(figures, "save", lambda figure, data, path: kept.append(figure))
+    for module in (comparisons, stresses, tables):
+        monkeypatch.setattr(module, "save", lambda figure, data, path: kept.append(figure))
     DRAWN[name](leg, tmp_path / "figure")
     figure = kept[0]
     assert all(ax.has_data() for ax in figure.axes)
@@ -142,7 +146,7 @@ def test_a_figure_with_nothing_to_show_is_left_out_with_a_line(tmp_path, monkeyp
         found.numbers.pop(key)
     drawn = []
     for name in ("draw_table", "draw_course", "draw_distribution", "draw_ablation", "draw_volume_fractions"):
-        monkeypatch.setattr(figures, name, lambda *_, name=name: drawn.append(name))
+        monkeypatch.setattr(comparisons, name, lambda *_, name=name: drawn.append(name))
     lines = figures.draw_comparison(found, tmp_path / "k")
     assert drawn == ["draw_table", "draw_course", "draw_distribution"]
     assert len(lines) == 2 and all("left out" in line for line in lines)

@@ -11,7 +11,10 @@ ROOT = Path(__file__).parents[2]
 SHARED = ("pbekit.endings", "pbekit.program", "pbekit.progress", "pbekit.version")
 """What a command line program answers and shows, how it ends, and the version, are the same for both."""
 CROSSINGS = {
-    "mcdem/kernel_tables.py": ("pbekit",),
+    **dict.fromkeys(
+        (f"mcdem/kernel_tables/{path.name}" for path in (ROOT / "mcdem/kernel_tables").glob("*.py")),
+        ("pbekit",),
+    ),
     "mcdem/netcdf/whole_files.py": ("pbekit.checksum", "pbekit.files"),
 }
 """What else is taken from pbekit, and where: the balance of a table, and the one way to files."""

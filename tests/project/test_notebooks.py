@@ -44,7 +44,7 @@ def test_notebook_runs(path, monkeypatch):
     )
 
 
-FACES = {"mcdem", "pbekit", "pbekit.figures", "pbekit.atlas_figures"} | {
+FACES = {"mcdem", "pbekit", "pbekit.atlas_figures"} | {
     f"{package}.{folder.name}"
     for package in ("mcdem", "pbekit")
     for folder in (NOTEBOOKS[0].parents[1] / package).iterdir()

@@ -1,0 +1,5 @@
+"""Figures of balances, each from a dataset that is saved beside it."""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -1,0 +1,16 @@
+from .comparison import draw_ablation as draw_ablation
+from .comparison import draw_comparison as draw_comparison
+from .comparison import draw_course as draw_course
+from .comparison import draw_distribution as draw_distribution
+from .comparison import draw_volume_fractions as draw_volume_fractions
+from .stresses import draw_efficiencies as draw_efficiencies
+from .stresses import draw_stress_law as draw_stress_law
+from .style import BLACK as BLACK
+from .style import BLUE as BLUE
+from .style import GREEN as GREEN
+from .style import ORANGE as ORANGE
+from .style import STYLE as STYLE
+from .style import VERMILION as VERMILION
+from .style import blank_figure as blank_figure
+from .style import save as save
+from .table import draw_table as draw_table
