@@ -28,7 +28,7 @@ from pbekit.study.size_rates import SizeRates
 HELD = 0.98
 """Share of the broken mass in the sizes over which the laws are fitted and hold."""
 WIDTH = 4.4
-"""Over m, the width in ln P of a logistic from a tenth to nine: no steeper one is fitted than the widest class can tell."""
+"""Over m, the width in ln P of a logistic from a tenth to nine: no steeper one is fitted than the widest class can resolve."""
 FINEST = WIDTH / 60.0
 """Width that stands for classes of one size each."""
 
