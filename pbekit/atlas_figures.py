@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
 from pbekit.errors import PBEError
-from pbekit.figures import BLACK, BLUE, GREEN, ORANGE, STYLE, VERMILION, blank_figure, save
+from pbekit.figures.style import BLACK, BLUE, GREEN, ORANGE, STYLE, VERMILION, blank_figure, save
 from pbekit.study.fitted_laws import FittedLaws
 from pbekit.study.size_rates import SizeRates
 from pbekit.tables.atlas import SIZE_EDGES, Atlas, joint_breakup

@@ -88,7 +88,7 @@ def kernels(
 
     A run's events are re-used; designed encounters go where they reduce the error of the balance's steady mean size most.
     """
-    from mcdem.kernel_tables import refuse_unwritable, tabulate
+    from mcdem.kernel_tables.tabulation import refuse_unwritable, tabulate
     from mcdem.monte_carlo import executors
     from mcdem.scene import load_scene
     from pbekit.progress import ProgressBar

@@ -1,16 +1,4 @@
 from .atlas import into_atlas as into_atlas
-from .design import ROUND as ROUND
-from .design import Plan as Plan
-from .design import plan as plan
 from .design import steady_shares as steady_shares
-from .library import Library as Library
-from .library import record_of as record_of
-from .runs import only_designed as only_designed
-from .runs import outcome_of as outcome_of
-from .runs import records_of_run as records_of_run
-from .runs import same_physics as same_physics
 from .runs import with_runs as with_runs
-from .tabulation import TableProgress as TableProgress
-from .tabulation import TableSummary as TableSummary
-from .tabulation import refuse_unwritable as refuse_unwritable
 from .tabulation import tabulate as tabulate

@@ -32,8 +32,8 @@ def compare(
     seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the draws.")] = 0,
 ) -> None:
     """Balance on tabulated encounters beside the Monte Carlo and beside analytical laws: figures with bands, and numbers."""
-    from pbekit import figures
     from pbekit.commands.stresses import draw_over_stresses
+    from pbekit.figures.comparison import draw_comparison
     from pbekit.outputs import FILES
     from pbekit.progress import ProgressBar
     from pbekit.study.compare import compare_table, run_of_each
@@ -50,7 +50,7 @@ def compare(
             kept = f"{output} holds the figures of the tables before it; the same command begins again"
             with ProgressBar(f"pbekit compare {file.name}") as progress, endings.keeping(kept):
                 result = compare_table(table, run, draws, stop, seed, progress)
-            left_out = figures.draw_comparison(result, output / file.name.removesuffix(".nc"))
+            left_out = draw_comparison(result, output / file.name.removesuffix(".nc"))
             if run is not None and run.is_steady:
                 steady[float(table.about.get("shear_stress", float("nan")))] = run.steady["mean_size"]
             typer.echo("\n  ".join([str(file), *comparison_report(result), *left_out]))

@@ -37,20 +37,20 @@ def draw_over_stresses(
     tables: list[KernelTable], runs: dict[float, tuple[float, float]], output: Path, draws: int
 ) -> None:
     """Figures and words of tables against their stress; `runs` : {stress [Pa]: (steady mean size, its error) of a run}."""
-    from pbekit import figures
+    from pbekit.figures.stresses import draw_efficiencies, draw_stress_law
     from pbekit.progress import ProgressBar
     from pbekit.study.over_stresses import efficiencies, stress_law
     from pbekit.study.report import stress_report
 
     etas = efficiencies(tables)
-    figures.draw_efficiencies(etas, output / "eta_11")
+    draw_efficiencies(etas, output / "eta_11")
     if len(tables) < 2:
         return
     kept = f"{output} holds what was drawn until then; the same command begins again"
     with ProgressBar("pbekit stresses") as progress, endings.keeping(kept):
         law = stress_law(tables, draws, lambda share: progress("stresses", share))
     if bool(law.mean_size.notnull().any()):
-        figures.draw_stress_law(law, runs, output / "stress")
+        draw_stress_law(law, runs, output / "stress")
     else:
         typer.echo("  figure of sizes over stress left out: no table bears a steady state")
     for line in stress_report(law, etas):

@@ -87,10 +87,10 @@ def weighted(x: np.ndarray, y: np.ndarray, weight: np.ndarray) -> tuple[np.ndarr
 
 def widened(slope: np.ndarray, left: np.ndarray) -> np.ndarray:
     """Covariance (m, m) of coefficients of least squares: slopes (n, m) and residuals (n,), both weighted (sandwich)."""
-    inverse = np.linalg.pinv(slope.T @ slope)
-    scores = slope * left[:, None]
+    # As a square, so that no variance is below zero by round-off.
+    root = np.linalg.pinv(slope.T @ slope) @ (slope * left[:, None]).T
     count, coefficients = slope.shape
-    return count / max(count - coefficients, 1) * inverse @ (scores.T @ scores) @ inverse
+    return count / max(count - coefficients, 1) * (root @ root.T)
 
 
 def maximum(

@@ -14,17 +14,10 @@ from mcdem.analysis.dataset import RunDataset
 from mcdem.analysis.similarity import groups
 from mcdem.commands.main import app
 from mcdem.errors import DataFileError, UserError
-from mcdem.kernel_tables import (
-    ROUND,
-    Library,
-    into_atlas,
-    only_designed,
-    plan,
-    records_of_run,
-    steady_shares,
-    tabulate,
-    with_runs,
-)
+from mcdem.kernel_tables import into_atlas, steady_shares, tabulate, with_runs
+from mcdem.kernel_tables.design import ROUND, plan
+from mcdem.kernel_tables.library import Library
+from mcdem.kernel_tables.runs import only_designed, records_of_run
 from mcdem.monte_carlo import executors
 from mcdem.monte_carlo.run_control import run
 from pbekit.errors import PBEError
