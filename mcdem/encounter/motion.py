@@ -4,7 +4,8 @@ Without shortcuts this is one loop over the steps of the chosen scheme, all prim
 shortcuts (`Shortcuts`, each with an off) skip what cannot change the outcome:
 
   far approach     two rigid aggregates far apart approach as bodies with a stresslet (`passage`)
-  sure miss        and pass each other as such, if no two of their primaries come close
+  sure miss        and pass each other as such, if no two of their primaries come close; nearer, with the far field of all their
+                   primaries (`reflections`), as long as no two of these are close
   separate bodies  parts that surely do not come back to each other go on as smaller problems (`parting`)
   rigid rotation   an aggregate without floppy modes turns as a rigid body until its load nears its strength (`statics`)
   stable           a rigid aggregate that is mechanically stable in every orientation is done: nothing can happen to it alone
@@ -35,6 +36,7 @@ from mcdem.integrators.parting import label_groups
 from mcdem.integrators.scheme import scheme_of
 from mcdem.integrators.state import (
     DONE,
+    LOOSE,
     PARTED,
     PAUSED,
     SETTLED,
@@ -47,14 +49,35 @@ from mcdem.integrators.state import (
 )
 from mcdem.integrators.time_loop import Bounds, follow_steps, new_watch
 from mcdem.rigid_aggregates.passage import Limits, Pair, Passing, approach, pass_by
-from mcdem.rigid_aggregates.statics import RIGID, RigidBody, analyse, turn_rigidly, worst_load
-from mcdem.rigid_aggregates.statics_with_torques import analyse_with_torques
+from mcdem.rigid_aggregates.reflections import (
+    ANSWERED,
+    APART,
+    LONGEST_STEP,
+    OVER,
+    NearPair,
+    pass_near,
+    respond,
+    side,
+)
+from mcdem.rigid_aggregates.statics import (
+    RIGID,
+    RigidBody,
+    analyse,
+    rigid_modes,
+    turn_rigidly,
+    worst_load,
+)
+from mcdem.rigid_aggregates.statics_with_torques import analyse_with_torques, modes_with_turns
 
 RIGID_STEP = 0.1
 """Step of rigid bodies in 1/g; their motion is smooth, and second order in it: critical offsets of two primaries at 1000 Pa are
 within 6e-5 a of those at a quarter of it."""
 LONGEST_PIECE = 0.5
 """About how long compiled code goes on by itself [s]."""
+LOOSE_MARGINS = 2.0
+"""Gap, over that below which primaries have to be followed, beyond which bodies pass as such again."""
+AGAIN = 2.0
+"""What could not go on as rigid bodies is tried again after this many quiet times."""
 WEAK = 0.01
 """Direct force [6 pi mu a^2 g] between two primaries that hardly moves them: by a hundredth of a radius in a strain of one."""
 
@@ -80,11 +103,27 @@ class Posture(NamedTuple):
 
 
 class Waiting(NamedTuple):
-    """Primaries (m,) that are still to be followed, from a time on, and the body that they are if that is known."""
+    """Primaries (m,) that are still to be followed, from a time on, and the body that they are if that is known.
+
+    quiet_since : time since which their contacts have not changed
+    """
 
     members: NDArray[np.intp]
     clock: float
+    quiet_since: float
     posture: Posture | None = None
+
+
+class Ended(NamedTuple):
+    """How primaries that were followed together ended.
+
+    code : DONE, PARTED, or an error code
+    alone : what of them is to be followed after they parted, where that is known
+    """
+
+    code: int
+    quiet_since: float = -math.inf
+    alone: list[Waiting] | None = None
 
 
 @dataclass(frozen=True)
@@ -126,25 +165,36 @@ def integrate(motion: Motion, course: Course) -> int:
 
     Parts that went on alone end at the same time, but the distances between them mean nothing any more.
     """
+    whole = np.arange(len(motion.radii))
     parted = far_approach(motion, course) if course.shortcuts.far_approach > 0.0 else None
-    waiting = [Waiting(np.arange(len(motion.radii)), course.now)] if parted is None else parted
+    waiting = [Waiting(whole, course.now, -math.inf)] if parted is None else parted
     while waiting:
-        members, clock, posture = waiting.pop()
-        course.log.time[0] = clock
-        part = take(motion, members)
-        code = follow(part, members, course, posture)
-        put_back(part, members, motion)
-        if code == PARTED:
-            labels, groups = np.empty((2, len(members)), np.int64)
-            bodies, separation = label_bodies(part.bonded, labels), course.shortcuts.separation
-            for group in range(label_groups(part, labels, bodies, course.flow.gradient, separation, groups)):
-                alone = members[groups == group]
-                if len(alone) > 1 or course.frames is not None:
-                    waiting.append(Waiting(alone, course.now))
-        elif code != DONE:
-            return code
+        next_one = waiting.pop()
+        course.log.time[0] = next_one.clock
+        part = take(motion, next_one.members)
+        ended = follow(part, next_one, course)
+        put_back(part, next_one.members, motion)
+        if ended.alone is not None:
+            waiting.extend(ended.alone)
+        elif ended.code == PARTED:
+            waiting.extend(groups_apart(part, next_one.members, course, ended.quiet_since))
+        elif ended.code != DONE:
+            return ended.code
     course.log.time[0] = course.end
     return DONE
+
+
+def groups_apart(
+    part: Motion, members: NDArray[np.intp], course: Course, quiet_since: float
+) -> list[Waiting]:
+    """The groups of bodies that go on alone; a single primary is left out, unless it is to be watched."""
+    labels, groups = np.empty((2, len(members)), np.int64)
+    bodies, separation = label_bodies(part.bonded, labels), course.shortcuts.separation
+    count = label_groups(part, labels, bodies, course.flow.gradient, separation, groups)
+    alone = [members[groups == group] for group in range(count)]
+    return [
+        Waiting(m, course.now, quiet_since) for m in alone if len(m) > 1 or course.frames is not None
+    ]
 
 
 def take(motion: Motion, members: NDArray[np.intp]) -> Motion:
@@ -170,18 +220,18 @@ def put_back(part: Motion, members: NDArray[np.intp], motion: Motion) -> None:
         motion.springs[within] = part.springs
 
 
-def follow(part: Motion, members: NDArray[np.intp], course: Course, posture: Posture | None) -> int:
-    """Follow some primaries, a rigid body if `posture` is given, to the end of the course; DONE, PARTED, or an error code."""
-    log, shortcuts = course.log, course.shortcuts
+def follow(part: Motion, waiting: Waiting, course: Course) -> Ended:
+    """Follow some primaries, a rigid body if a posture is given, to the end of the course or until they part."""
+    log, shortcuts, members = course.log, course.shortcuts, waiting.members
     n = len(part.radii)
-    # An aggregate as it was found has had all the time to settle.
-    rested = n > 1 and log.steps[0] == 0
-    if posture is not None and end_as_body(part, members, posture, course):
-        return DONE
+    if waiting.posture is not None and end_as_body(part, members, waiting.posture, course):
+        return Ended(DONE)
     work = scheme_of(course.options).workspace(n, part.springs is not None)
     history, gaps = new_history(part), np.empty((n, n))
     find_gaps(part.positions, part.radii, gaps)
-    watch = new_watch(log, course.now - shortcuts.quiet_time if rested and posture is None else course.now)
+    # One that could not turn as a body to the end was just found to bear too much.
+    found = n > 1 and waiting.posture is None
+    watch = new_watch(log, waiting.quiet_since if found else course.now)
     piece = max(200_000 // n**2, 1)
     quiet_time = shortcuts.quiet_time if shortcuts.rigid_rotation or shortcuts.end_stable else math.inf
     while True:
@@ -191,27 +241,49 @@ def follow(part: Motion, members: NDArray[np.intp], course: Course, posture: Pos
             # In pieces, as compiled code hears no signal; where it is cut touches no bit.
             began = clock.monotonic()
             most = min(course.most_steps, int(log.steps[0]) + piece)
-            bounds = Bounds(shortcuts.separation, quiet_time, course.next_frame, course.end, most)
+            bounds = Bounds(
+                shortcuts.separation, quiet_time, loose_gap(course), course.next_frame, course.end, most
+            )
             code = follow_steps(group, course.flow, course.physics, course.options, log, watch, bounds)
             if code != TOO_MANY_STEPS or log.steps[0] >= course.most_steps:
                 break
             piece = 2 * piece if clock.monotonic() - began < LONGEST_PIECE / 4 else max(piece // 2, 1)
         if code == PAUSED:
             continue
-        if code != SETTLED:
+        if code not in (SETTLED, LOOSE):
             recording.keep(course.frames, part, members, course.physics, course.now)
-            return int(code)
-        body, centre = analysed(part, course.physics)
-        if body is None:
-            watch.look[0] = course.now + 2.0 * shortcuts.quiet_time
-            continue
+            return Ended(int(code), float(watch.quiet_since[0]))
         started = course.now
-        if end_as_body(part, members, Posture(body, np.eye(3), centre), course):
-            return DONE
+        if code == LOOSE:
+            ended = go_on_as_pair(part, members, course, group.work.labels)
+        else:
+            ended = go_on_as_body(part, members, course)
+        if ended is not None:
+            return ended
         if course.now > started:
             find_gaps(part.positions, part.radii, gaps)
             history = new_history(part)
-        watch.look[0] = course.now + shortcuts.quiet_time
+        watch.look[0] = course.now + AGAIN * shortcuts.quiet_time
+
+
+def go_on_as_body(part: Motion, members: NDArray[np.intp], course: Course) -> Ended | None:
+    """Go on with one body as a rigid one; None if it is not, or where its load became too large."""
+    body, centre = analysed(part, course.physics)
+    if body is not None and end_as_body(part, members, Posture(body, np.eye(3), centre), course):
+        return Ended(DONE)
+    return None
+
+
+def go_on_as_pair(
+    part: Motion, members: NDArray[np.intp], course: Course, labels: NDArray[np.int64]
+) -> Ended | None:
+    """Go on with two bodies, of which each primary has a label, as rigid ones; None where they have to be followed further."""
+    pair = rigid_pair(part, members, labels, course.physics)
+    if pair is None:
+        return None
+    ended = pass_near_each_other(pair, course)
+    pair.put_back(part)
+    return ended
 
 
 def end_as_body(part: Motion, members: NDArray[np.intp], posture: Posture, course: Course) -> bool:
@@ -291,10 +363,12 @@ def note_load(log: Log, body: RigidBody, load: float) -> None:
 class RigidPair:
     """Two rigid aggregates on their way, and what they turn about.
 
+    within : where their primaries are in the motion that they are parts of;  members : among all primaries
     turns (2, 3, 3) and centres (2, 3) are where they are now; reaches (2,) : R_i and R_j
     """
 
     parts: list[Motion]
+    within: list[NDArray[np.intp]]
     members: list[NDArray[np.intp]]
     bodies: list[RigidBody]
     turns: NDArray[np.float64]
@@ -306,6 +380,28 @@ class RigidPair:
     def on_their_way(self) -> Pair:
         """What compiled code carries along."""
         return Pair(self.bodies[0], self.bodies[1], self.turns, self.centres)
+
+    def passing(self, shortcuts: Shortcuts) -> Passing:
+        """When they surely miss each other."""
+        radii = [part.radii for part in self.parts]
+        return Passing(radii[0], radii[1], self.reaches, shortcuts.sure_miss, shortcuts.separation)
+
+    def near(self, physics: Physics) -> NearPair | None:
+        """The same near each other, None if they cannot be treated so."""
+        sides = []
+        for part, body in zip(self.parts, self.bodies, strict=True):
+            modes = rigid_modes(body.positions) if part.springs is None else modes_with_turns(body.positions)
+            work = workspace(len(part.radii))
+            code, response = respond(work, body.positions, modes, part.radii, physics.level)
+            if code != ANSWERED:
+                return None
+            sides.append(side(body, response, part.radii))
+        return NearPair(sides[0], sides[1], self.turns, self.centres)
+
+    def note(self, log: Log, load: float) -> None:
+        """Log the largest ratio of tension to pull-off force of both."""
+        for body in self.bodies:
+            note_load(log, body, load)
 
     def show(self, course: Course) -> None:
         """Write the frames that are due."""
@@ -322,15 +418,27 @@ class RigidPair:
             place(part, body, turn, centre, course.flow.gradient, springs)
 
     def put_back(self, motion: Motion) -> None:
-        """Write both back into the motion of all primaries."""
-        for part, members in zip(self.parts, self.members, strict=True):
-            put_back(part, members, motion)
+        """Write both back into the motion that they are parts of."""
+        for part, within in zip(self.parts, self.within, strict=True):
+            put_back(part, within, motion)
+
+    def alone(self, course: Course) -> list[Waiting]:
+        """What is to be followed after they parted; a single primary is left out, unless it is to be watched."""
+        return [
+            Waiting(members, course.now, course.now, Posture(body, turn, centre))
+            for members, body, turn, centre in zip(
+                self.members, self.bodies, self.turns, self.centres, strict=True
+            )
+            if len(members) > 1 or course.frames is not None
+        ]
 
 
-def rigid_pair(motion: Motion, physics: Physics) -> RigidPair | None:
-    """The two aggregates of an encounter as bodies; None if one of them is not rigid."""
-    members = [np.nonzero(motion.parent == which)[0] for which in (0, 1)]
-    parts = [take(motion, m) for m in members]
+def rigid_pair(
+    motion: Motion, members: NDArray[np.intp], labels: NDArray[np.int64], physics: Physics
+) -> RigidPair | None:
+    """The two bodies of a motion, labelled 0 and 1, as rigid ones; None if one of them is not."""
+    within = [np.nonzero(labels == which)[0] for which in (0, 1)]
+    parts = [take(motion, m) for m in within]
     bodies, centres, reaches = [], np.empty((2, 3)), np.empty(2)
     for which, part in enumerate(parts):
         body, centres[which] = analysed(part, physics)
@@ -341,12 +449,21 @@ def rigid_pair(motion: Motion, physics: Physics) -> RigidPair | None:
             part.positions, part.radii, np.zeros(len(part.radii), np.int64), 0, np.empty(3)
         )
     springs = [None if part.springs is None else part.springs.copy() for part in parts]
-    return RigidPair(parts, members, bodies, np.stack([np.eye(3)] * 2), centres, springs, reaches)
+    return RigidPair(
+        parts,
+        within,
+        [members[m] for m in within],
+        bodies,
+        np.stack([np.eye(3)] * 2),
+        centres,
+        springs,
+        reaches,
+    )
 
 
 def far_approach(motion: Motion, course: Course) -> list[Waiting] | None:
-    """Let two rigid aggregates approach as bodies; what is still to be followed if they surely miss each other, else None."""
-    pair = rigid_pair(motion, course.physics)
+    """Let two rigid aggregates approach as bodies; what is still to be followed if they miss each other as such, else None."""
+    pair = rigid_pair(motion, np.arange(len(motion.radii)), motion.parent, course.physics)
     if pair is None:
         return None
     flow, shortcuts = course.flow, course.shortcuts
@@ -358,25 +475,58 @@ def far_approach(motion: Motion, course: Course) -> list[Waiting] | None:
         elapsed, load = approach(pair.on_their_way, flow, shortcuts.far_approach * pair.reaches.sum(), limits)
         course.skip(elapsed)
         going = course.frames is not None and elapsed >= duration - 1e-9 and course.now < course.end - 1e-9
-        for body in pair.bodies:
-            note_load(course.log, body, load)
+        pair.note(course.log, load)
         pair.place(course)
-    parted = miss(pair, course)
+    parted: list[Waiting] | None = None
+    if passes_as_bodies(course):
+        parted = miss(pair, course)
+        if parted is None:
+            ended = pass_near_each_other(pair, course)
+            parted = None if ended is None else ended.alone or []
     pair.put_back(motion)
     return parted
 
 
-def miss(pair: RigidPair, course: Course) -> list[Waiting] | None:
-    """What is to be followed after two rigid aggregates surely missed each other; None, and they stay, if they may not.
+def passes_as_bodies(course: Course) -> bool:
+    """Whether two rigid aggregates pass each other as bodies.
 
-    What happens to an aggregate after that is its own affair, so this needs that parts are let go on alone.
+    What happens to an aggregate after that is its own affair, so this needs that parts are let go on alone; and what acts
+    between primaries that are not in contact must have faded at the margin.
     """
-    shortcuts, physics = course.shortcuts, course.physics
-    if shortcuts.sure_miss <= 0.0 or shortcuts.separation <= 0.0:
+    shortcuts = course.shortcuts
+    if min(shortcuts.far_approach, shortcuts.sure_miss, shortcuts.separation) <= 0.0:
+        return False
+    force, _ = non_contact_force(shortcuts.sure_miss, 1.0, course.physics.pair_forces)
+    return bool(abs(force) <= WEAK)
+
+
+def loose_gap(course: Course) -> float:
+    """Gap beyond which two bodies that were followed primary by primary pass as such again."""
+    return LOOSE_MARGINS * course.shortcuts.sure_miss if passes_as_bodies(course) else math.inf
+
+
+def pass_near_each_other(pair: RigidPair, course: Course) -> Ended | None:
+    """Let two rigid aggregates pass each other as bodies near each other; None, where they have to be followed by primaries."""
+    near = pair.near(course.physics)
+    if near is None:
         return None
-    force, _ = non_contact_force(shortcuts.sure_miss, 1.0, physics.pair_forces)
-    if abs(force) > WEAK:
-        return None
+    passing, code, began = pair.passing(course.shortcuts), OVER, course.now
+    while code == OVER and course.now < course.end - 1e-9:
+        duration = min(course.end, course.next_frame) - course.now
+        limits = Limits(duration, LONGEST_STEP, course.shortcuts.load_limit)
+        code, elapsed, load, gap = pass_near(near, course.flow, passing, limits)
+        course.skip(elapsed)
+        course.log.smallest_gap[0] = min(course.log.smallest_gap[0], gap)
+        pair.note(course.log, load)
+        pair.place(course)
+        pair.show(course)
+    if code == APART or code == OVER:
+        return Ended(PARTED, began, pair.alone(course) if code == APART else [])
+    return None
+
+
+def miss(pair: RigidPair, course: Course) -> list[Waiting] | None:
+    """What is to be followed after two rigid aggregates surely missed each other; None, and they stay, if they may not."""
     before = pair.turns.copy(), pair.centres.copy()
     surely, elapsed, load, gap = passage(pair, course, course.end - course.now)
     if not surely:
@@ -388,26 +538,16 @@ def miss(pair: RigidPair, course: Course) -> list[Waiting] | None:
         pair.turns[:], pair.centres[:] = before
         show_passage(pair, course, course.now + elapsed)
     course.log.smallest_gap[0] = min(course.log.smallest_gap[0], gap)
-    for body in pair.bodies:
-        note_load(course.log, body, load)
+    pair.note(course.log, load)
     pair.place(course)
-    return [
-        Waiting(members, course.now, Posture(body, turn, centre))
-        for members, body, turn, centre in zip(
-            pair.members, pair.bodies, pair.turns, pair.centres, strict=True
-        )
-        if len(members) > 1 or course.frames is not None
-    ]
+    return pair.alone(course)
 
 
 def passage(pair: RigidPair, course: Course, duration: float) -> tuple[bool, float, float, float]:
     """`passage.pass_by` by the shortcuts taken."""
-    shortcuts = course.shortcuts
-    passing = Passing(
-        pair.parts[0].radii, pair.parts[1].radii, pair.reaches, shortcuts.sure_miss, shortcuts.separation
-    )
+    limits = Limits(duration, RIGID_STEP, course.shortcuts.load_limit)
     found: tuple[bool, float, float, float] = pass_by(
-        pair.on_their_way, course.flow, passing, Limits(duration, RIGID_STEP, shortcuts.load_limit)
+        pair.on_their_way, course.flow, pair.passing(course.shortcuts), limits
     )
     return found
 

@@ -15,18 +15,19 @@ ANY_ORDER = {"reassoc", "contract", "arcp", "nsz"}
 
 
 @njit(cache=True, inline="always")
-def sphere_rates(i, places, radii, moments, rates):
-    """Rates of sphere i, into column i of rates (12, N), that moments (12, N) on spheres at `places` (3, N) cause."""
+def rates_at(x, y, z, a, itself, places, radii, moments):
+    """The twelve rates of a sphere of radius a at (x, y, z) that moments (12, N) on spheres at `places` (3, N) cause.
+
+    itself : which of them it is, whose moments cause nothing here; -1 for none
+    """
     n = radii.shape[0]
-    a = radii[i]
-    x, y, z = places[0, i], places[1, i], places[2, i]
     u0 = u1 = u2 = w0 = w1 = w2 = e0 = e1 = e2 = e3 = e4 = e5 = 0.0
     for j in range(n):
         b = radii[j]
         d0, d1, d2 = x - places[0, j], y - places[1, j], z - places[2, j]
         r = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
         # A sphere's own term comes out as nothing: it has no distance and is weighted by none.
-        weight = 1.0 if j != i else 0.0
+        weight = 1.0 if j != itself else 0.0
         inverse = weight / max(r, 1e-300)
         d0, d1, d2 = d0 * inverse, d1 * inverse, d2 * inverse
         u = weight / max(r, a + b)
@@ -73,27 +74,7 @@ def sphere_rates(i, places, radii, moments, rates):
         e3 += 0.5 * (d0 * g1 + d1 * g0) + zm * sxy
         e4 += 0.5 * (d0 * g2 + d2 * g0) + zm * sxz
         e5 += 0.5 * (d1 * g2 + d2 * g1) + zm * syz
-    turn, strain = 0.75 / a**3, 0.9 / a**3
-    rates[0, i], rates[1, i], rates[2, i] = (
-        u0 + moments[0, i] / a,
-        u1 + moments[1, i] / a,
-        u2 + moments[2, i] / a,
-    )
-    rates[3, i], rates[4, i], rates[5, i] = (
-        w0 + turn * moments[3, i],
-        w1 + turn * moments[4, i],
-        w2 + turn * moments[5, i],
-    )
-    rates[6, i], rates[7, i], rates[8, i] = (
-        e0 + strain * moments[6, i],
-        e1 + strain * moments[7, i],
-        e2 + strain * moments[8, i],
-    )
-    rates[9, i], rates[10, i], rates[11, i] = (
-        e3 + strain * moments[9, i],
-        e4 + strain * moments[10, i],
-        e5 + strain * moments[11, i],
-    )
+    return u0, u1, u2, w0, w1, w2, e0, e1, e2, e3, e4, e5
 
 
 @njit(cache=True, fastmath=ANY_ORDER)
@@ -101,3 +82,24 @@ def apply_mobility(places, radii, moments, rates):
     """Rates (12, N) that moments (12, N) on spheres at `places` (3, N) cause."""
     for i in range(radii.shape[0]):
         sphere_rates(i, places, radii, moments, rates)
+
+
+@njit(cache=True, inline="always")
+def sphere_rates(i, places, radii, moments, rates):
+    """Rates of sphere i, into column i of rates (12, N), that moments (12, N) on spheres at `places` (3, N) cause."""
+    a = radii[i]
+    turn, strain = 0.75 / a**3, 0.9 / a**3
+    caused = rates_at(places[0, i], places[1, i], places[2, i], a, i, places, radii, moments)
+    for k in range(12):
+        rates[k, i] = caused[k] + (1.0 / a if k < 3 else (turn if k < 6 else strain)) * moments[k, i]
+
+
+@njit(cache=True, fastmath=ANY_ORDER)
+def rates_caused(places, radii, sources, source_radii, moments, rates):
+    """Rates (12, N) of spheres at `places` (3, N) that moments (12, M) on other spheres, at `sources` (3, M), cause."""
+    for i in range(radii.shape[0]):
+        caused = rates_at(
+            places[0, i], places[1, i], places[2, i], radii[i], -1, sources, source_radii, moments
+        )
+        for k in range(12):
+            rates[k, i] = caused[k]

@@ -15,6 +15,7 @@ DONE = 0
 PARTED = -1  # bodies recede from each other for good
 SETTLED = -2  # one body whose contacts have not changed for a while
 PAUSED = -3
+LOOSE = -4  # two bodies with room between them, whose contacts have not changed for a while
 NOT_POSITIVE_DEFINITE = 1  # the resistance could not be factorised
 NOT_CONVERGED = 2  # the contact forces of a step could not be found, however small the step
 TOO_MANY_STEPS = 3

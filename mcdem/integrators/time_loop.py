@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from mcdem.compilation import separately_compiled
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.integrators.bodies import label_bodies
 from mcdem.integrators.parting import label_groups
 from mcdem.integrators.scheme import advance
-from mcdem.integrators.state import DONE, PARTED, PAUSED, SETTLED, TOO_MANY_STEPS, Log
+from mcdem.integrators.state import DONE, LOOSE, PARTED, PAUSED, SETTLED, TOO_MANY_STEPS, Log
 
 # Strain between two looks at which bodies there are and whether they part.
 LOOK_EVERY = 0.5
@@ -40,9 +40,21 @@ class Bounds(NamedTuple):
 
     separation: float  # centre distance in R_i + R_j beyond which bodies that never turn back have PARTED (`parting`); 0: never
     quiet_time: float  # strain without a change of contacts after which a single body has SETTLED; inf: never
+    loose: float  # gap between two bodies beyond which, after that strain too, they are LOOSE; inf: never
     pause: float  # time from which on the next step returns PAUSED
     end: float  # time at which all is DONE
     most_steps: int  # number of steps after which it is TOO_MANY_STEPS
+
+
+@compiled
+def room_between(gaps, labels):
+    """Smallest gap between primaries of different bodies."""
+    smallest = np.inf
+    for i in range(labels.shape[0]):
+        for j in range(i):
+            if labels[i] != labels[j]:
+                smallest = min(smallest, gaps[i, j])
+    return smallest
 
 
 @separately_compiled(types.int64)
@@ -60,12 +72,15 @@ def follow_steps(group, flow, physics, options, log, watch, bounds):
         if log.time[0] >= watch.look[0]:
             watch.look[0] = log.time[0] + LOOK_EVERY
             bodies = label_bodies(part.bonded, work.labels)
+            quiet = log.time[0] >= watch.quiet_since[0] + bounds.quiet_time - 1e-9
             if bodies > 1:
                 if bounds.separation > 0.0:
                     groups = np.empty(work.labels.shape[0], np.int64)
                     if label_groups(part, work.labels, bodies, flow.gradient, bounds.separation, groups) > 1:
                         return PARTED
-            elif log.time[0] >= watch.quiet_since[0] + bounds.quiet_time - 1e-9:
+                if bodies == 2 and quiet and room_between(group.gaps, work.labels) > bounds.loose:
+                    return LOOSE
+            elif quiet:
                 return SETTLED
         if log.steps[0] >= bounds.most_steps:
             return TOO_MANY_STEPS

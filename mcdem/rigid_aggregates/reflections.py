@@ -1,0 +1,446 @@
+"""Two rigid aggregates near each other: the far field of all their primaries, and no contact in between to be found.
+
+What the moments of one body make of the fluid at the primaries of the other is a disturbance d, (-strains | spins | velocities),
+and the other answers it by its own motion and by moments of its own, both linear in d in its own frame and found once:
+
+    moments = own(E) + G d,   motion = own(E) + K d,
+    G = -M^-1 + Y S^-1 Y^T,   K = S^-1 Y^T,   Y = M^-1 P,   S = P^T R P
+
+M is the grand mobility of its primaries, R their resistance with lubrication among themselves, and P the motions that are
+left to them: those of a rigid body, and each sphere's own spin where contacts do not resist it.  Moments go from one to the other
+until they no longer change (method of reflections: Smoluchowski 1911; Kim & Karrila 1991, ch. 8).  The result is Stokesian dynamics
+of all primaries with rigid aggregates, but for the two-body part of pairs of one primary of each: it falls off as the seventh
+power of the distance.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, types
+
+from mcdem.compilation import compiled, separately_compiled
+from mcdem.hydrodynamics import level as levels
+from mcdem.hydrodynamics.frozen_far_field import nearest_rotation, turned_tensor
+from mcdem.hydrodynamics.grand_mobility import five_tensor, tensor_to_five
+from mcdem.hydrodynamics.linear_algebra import (
+    cholesky,
+    inverse_from_cholesky,
+    multiply_symmetric,
+    solve_cholesky,
+    solve_lower,
+    solve_lower_from_right,
+    subtract_outer,
+)
+from mcdem.hydrodynamics.mobility_product import rates_caused
+from mcdem.hydrodynamics.resistance import measure
+from mcdem.hydrodynamics.undisturbed_flow import spin_component
+from mcdem.integrators.parting import surely_apart
+from mcdem.integrators.rotations import multiply, turn_back
+from mcdem.rigid_aggregates.passage import Limits, Passing
+from mcdem.rigid_aggregates.statics import RigidBody, loads_of_strains, present_load
+
+ANSWERED = 0
+FAILED = 1
+
+CONVERGED = 1e-6
+"""Change of either body's motion [a g, g] by one more reflection that ends them."""
+MOST_REFLECTIONS = 30
+LONGEST_STEP = 0.4
+"""Longest step in 1/g."""
+SHARE_OF_GAP = 0.25
+"""... and over the time in which the bodies would close the smallest gap and two radii."""
+SPINNING = 1e-10
+"""Resistance to rotation, over that to translation, that is added: a doublet has none about its own axis."""
+
+# How a passage ended.
+APART = 0  # surely
+NEAR = 1  # two primaries came closer than the margin
+LOADED = 2  # a contact would bear more than its limit, or the reflections do not settle
+OVER = 3  # its time is over
+
+
+class Response(NamedTuple):
+    """How a rigid aggregate answers, in the orientation in which it was analysed; vectors (11P,) as in `grand_mobility`."""
+
+    moments: np.ndarray  # (11P, 11P) lower triangle: moments that a disturbance calls forth
+    motion: np.ndarray  # (6, 11P) its velocity and angular velocity
+    straining: np.ndarray  # (5, 11P) moments in each of five unit strains
+
+
+class Side(NamedTuple):
+    """One of the two bodies, and work arrays."""
+
+    body: RigidBody
+    response: Response
+    radii: np.ndarray  # (P,)
+    places: np.ndarray  # (3, P) of the primaries, in the laboratory
+    rows: np.ndarray  # (12, P) moments there, as in `mobility_product`
+    rates: np.ndarray  # (12, P) what the moments of the other body make there
+    own: np.ndarray  # (11P,) moments without the other body, in its frame, as are
+    moments: np.ndarray  # (11P,) those of now
+    disturbance: np.ndarray  # (11P,)
+    motion: np.ndarray  # (6,) by the disturbance
+    seen: np.ndarray  # (5,) strain
+
+
+class NearPair(NamedTuple):
+    """Two rigid bodies near each other; turns and centres are carried along."""
+
+    first: Side
+    second: Side
+    turns: np.ndarray  # (2, 3, 3) rotations since they were analysed
+    centres: np.ndarray  # (2, 3)
+
+
+_MATRIX = types.float64[:, ::1]
+RESPONSE = types.NamedUniTuple(_MATRIX, 3, Response)
+
+
+def side(body: RigidBody, response: Response, radii: np.ndarray) -> Side:
+    """A body with its work arrays."""
+    n = len(radii)
+    vectors = np.zeros((3, 11 * n))
+    rows = np.zeros((2, 12, n))
+    return Side(
+        body, response, radii, np.empty((3, n)), rows[0], rows[1], *vectors, np.zeros(6), np.zeros(5)
+    )
+
+
+@separately_compiled(types.Tuple((types.int64, RESPONSE)))
+def respond(work, positions, modes, radii, level):
+    """(ANSWERED or FAILED, `Response`) of a rigid aggregate; positions (P, 3) about its centre.
+
+    work : `resistance.workspace` of P
+    modes : rigid motions (6, 3P) as displacements of spheres that are free to spin, or (6, 6P) with the turns of ones that are not
+    """
+    n = radii.shape[0]
+    whole, spins = 11 * n, 6 * n - modes.shape[1]
+    count = spins + 6
+    response = Response(np.empty((whole, whole)), np.empty((6, whole)), np.empty((5, whole)))
+    measure(positions, work.directions, work.distances)
+    if levels.resistance(level, work, radii) != 0:
+        return FAILED, response
+    inverse = response.moments
+    inverse[:] = work.mobility
+    inverse_from_cholesky(inverse)
+    for row in range(whole):
+        for column in range(row):
+            inverse[column, row] = inverse[row, column]
+    unit, strain_loads = np.eye(5), np.empty((5, 6 * n))
+    loads_of_strains(level, work, radii, unit, strain_loads)
+
+    allowed = np.zeros((count, 6 * n))
+    for row in range(spins):
+        allowed[row, row] = 1.0
+    allowed[spins:, spins:] = modes
+    pulled, answer = np.empty((count, 6 * n)), np.zeros((count, whole))
+    for row in range(count):
+        multiply_symmetric(work.resistance, allowed[row], pulled[row])
+        if row < spins:
+            answer[row] = inverse[5 * n + row]
+        else:
+            for k in range(6 * n):
+                if allowed[row, k] != 0.0:
+                    answer[row] += allowed[row, k] * inverse[5 * n + k]
+    resistance = np.empty((count, count))
+    for row in range(count):
+        for column in range(row + 1):
+            if column < spins:
+                resistance[row, column] = pulled[row, column]
+            else:
+                resistance[row, column] = np.dot(pulled[row], allowed[column])
+    ridge = 0.0
+    for k in range(spins, spins + 3):
+        ridge += SPINNING * resistance[k, k]
+    for k in range(spins + 3, count):
+        resistance[k, k] += ridge
+    if cholesky(resistance) != 0:
+        return FAILED, response
+    in_strains(inverse, positions, allowed, pulled, resistance, strain_loads, response.straining)
+    half = answer.T.copy()
+    solve_lower_from_right(resistance, half)
+    subtract_outer(inverse, half)
+    for row in range(whole):
+        for column in range(row + 1):
+            inverse[row, column] = -inverse[row, column]
+        solve_lower(resistance, half[row], True)
+        for k in range(6):
+            response.motion[k, row] = half[row, spins + k]
+    return ANSWERED, response
+
+
+@compiled
+def in_strains(inverse, positions, allowed, pulled, factor, strain_loads, straining):
+    """Moments (5, 11P) of a body that moves freely in each of the unit strains, from what these exert on it held still."""
+    n, count = positions.shape[0], allowed.shape[0]
+    still, motion, rates = np.zeros(6 * n), np.empty(count), np.empty(11 * n)
+    tensor = np.empty((3, 3))
+    unit = np.eye(5)
+    for strain in range(5):
+        five_tensor(unit[strain], tensor)
+        for i in range(n):
+            for k in range(3):
+                still[3 * (n + i) + k] = -(
+                    tensor[k, 0] * positions[i, 0]
+                    + tensor[k, 1] * positions[i, 1]
+                    + tensor[k, 2] * positions[i, 2]
+                )
+        for row in range(count):
+            motion[row] = 0.0
+            for k in range(6 * n):
+                motion[row] += allowed[row, k] * strain_loads[strain, k] - pulled[row, k] * still[k]
+        solve_cholesky(factor, motion)
+        for i in range(n):
+            for k in range(5):
+                rates[5 * i + k] = -unit[strain, k]
+        for k in range(6 * n):
+            rates[5 * n + k] = still[k]
+            for row in range(count):
+                rates[5 * n + k] += motion[row] * allowed[row, k]
+        multiply_symmetric(inverse, rates, straining[strain])
+
+
+@compiled
+def put(one, turn, centre, strain):
+    """Primaries of a body where it is, the strain it sees, and its moments in that."""
+    n = one.radii.shape[0]
+    positions = one.body.positions
+    for i in range(n):
+        for k in range(3):
+            one.places[k, i] = (
+                centre[k]
+                + turn[k, 0] * positions[i, 0]
+                + turn[k, 1] * positions[i, 1]
+                + turn[k, 2] * positions[i, 2]
+            )
+    turn_back(turn, strain, one.seen)
+    for k in range(11 * n):
+        one.own[k] = 0.0
+        for strain_of in range(5):
+            one.own[k] += one.response.straining[strain_of, k] * one.seen[strain_of]
+
+
+@separately_compiled()
+def exert(one, turn):
+    """Moments of a body as rows in the laboratory."""
+    n = one.radii.shape[0]
+    moments, rows = one.moments, one.rows
+    local, tensor = np.empty((3, 3)), np.empty((3, 3))
+    for i in range(n):
+        for p in range(3):
+            force = torque = 0.0
+            for k in range(3):
+                force += turn[p, k] * moments[8 * n + 3 * i + k]
+                torque += turn[p, k] * moments[5 * n + 3 * i + k]
+            rows[p, i], rows[3 + p, i] = force, torque
+        five_tensor(moments[5 * i : 5 * i + 5], local)
+        turned_tensor(turn, local, tensor, False)
+        rows[6, i], rows[7, i], rows[8, i] = tensor[0, 0], tensor[1, 1], tensor[2, 2]
+        rows[9, i], rows[10, i], rows[11, i] = tensor[0, 1], tensor[0, 2], tensor[1, 2]
+
+
+@njit(cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"})
+def disturb(one, other):
+    """What the moments of the other body make at the primaries of one, as rows in the laboratory."""
+    rates_caused(one.places, one.radii, other.places, other.radii, other.rows, one.rates)
+
+
+@separately_compiled()
+def answer(one, turn):
+    """Moments and motion of a body in the disturbance by the rates at its primaries."""
+    n = one.radii.shape[0]
+    rates, disturbance = one.rates, one.disturbance
+    local, tensor, five = np.empty((3, 3)), np.empty((3, 3)), np.empty(5)
+    for i in range(n):
+        tensor[0, 0], tensor[1, 1], tensor[2, 2] = rates[6, i], rates[7, i], rates[8, i]
+        tensor[0, 1] = tensor[1, 0] = rates[9, i]
+        tensor[0, 2] = tensor[2, 0] = rates[10, i]
+        tensor[1, 2] = tensor[2, 1] = rates[11, i]
+        turned_tensor(turn, tensor, local, True)
+        tensor_to_five(local, five)
+        disturbance[5 * i : 5 * i + 5] = five
+        for p in range(3):
+            spin = drift = 0.0
+            for k in range(3):
+                drift += turn[k, p] * rates[k, i]
+                spin += turn[k, p] * rates[3 + k, i]
+            disturbance[5 * n + 3 * i + p], disturbance[8 * n + 3 * i + p] = spin, drift
+    multiply_symmetric(one.response.moments, disturbance, one.moments)
+    for k in range(11 * n):
+        one.moments[k] += one.own[k]
+
+
+@compiled
+def moved(one):
+    """Motion (6,) of a body by its disturbance; returns by how much it changed."""
+    change = 0.0
+    for c in range(6):
+        value = np.dot(one.response.motion[c], one.disturbance)
+        change = max(change, abs(value - one.motion[c]))
+        one.motion[c] = value
+    return change
+
+
+@compiled
+def rates_and_load(one, turn, centre, gradient, velocity, spin):
+    """Velocity and angular velocity (3,) of a body; returns the present loads, in the mean strain at its primaries."""
+    n = one.radii.shape[0]
+    seen = one.seen.copy()
+    for i in range(n):
+        for k in range(5):
+            seen[k] -= one.disturbance[5 * i + k] / n
+    for k in range(3):
+        spin[k] = spin_component(gradient, k)
+        velocity[k] = gradient[k, 0] * centre[0] + gradient[k, 1] * centre[1] + gradient[k, 2] * centre[2]
+    for c in range(3):
+        own_drift, own_spin = one.motion[c], one.motion[3 + c]
+        for m in range(5):
+            own_drift += one.body.drift[c, m] * one.seen[m]
+            own_spin += one.body.spin[c, m] * one.seen[m]
+        for k in range(3):
+            velocity[k] += turn[k, c] * own_drift
+            spin[k] += turn[k, c] * own_spin
+    return present_load(one.body, seen)
+
+
+@separately_compiled(types.Tuple((types.boolean, types.float64, types.float64)))
+def reflected_rates(pair, turns, centres, flow, velocities, spins):
+    """Rates (2, 3) of both bodies at the places given; (whether the reflections settled, larger present loads)."""
+    first, second = pair.first, pair.second
+    put(first, turns[0], centres[0], flow.strain)
+    put(second, turns[1], centres[1], flow.strain)
+    settled = False
+    for _ in range(MOST_REFLECTIONS):
+        exert(second, turns[1])
+        disturb(first, second)
+        answer(first, turns[0])
+        change = moved(first)
+        exert(first, turns[0])
+        disturb(second, first)
+        answer(second, turns[1])
+        change = max(change, moved(second))
+        if change < CONVERGED:
+            settled = True
+            break
+    load, tension = rates_and_load(first, turns[0], centres[0], flow.gradient, velocities[0], spins[0])
+    other, pull = rates_and_load(second, turns[1], centres[1], flow.gradient, velocities[1], spins[1])
+    return settled, max(load, other), max(tension, pull)
+
+
+@compiled
+def gap_and_speed(pair, velocities, spins):
+    """(smallest gap between primaries of both bodies, a bound on the speed with which any gap changes)."""
+    first, second = pair.first, pair.second
+    smallest = np.inf
+    for i in range(first.radii.shape[0]):
+        for j in range(second.radii.shape[0]):
+            squares = 0.0
+            for k in range(3):
+                squares += (first.places[k, i] - second.places[k, j]) ** 2
+            smallest = min(smallest, np.sqrt(squares) - first.radii[i] - second.radii[j])
+    drift = 0.0
+    for k in range(3):
+        drift += (velocities[1, k] - velocities[0, k]) ** 2
+    speed = np.sqrt(drift)
+    for which in range(2):
+        positions = first.body.positions if which == 0 else second.body.positions
+        far = turning = 0.0
+        for i in range(positions.shape[0]):
+            squares = 0.0
+            for k in range(3):
+                squares += positions[i, k] ** 2
+            far = max(far, squares)
+        for k in range(3):
+            turning += spins[which, k] ** 2
+        speed += np.sqrt(far * turning)
+    return smallest, speed
+
+
+class Stages(NamedTuple):
+    """Work arrays of a step."""
+
+    turns: np.ndarray  # (2, 3, 3) within the step
+    centres: np.ndarray  # (2, 3)
+    velocities: np.ndarray  # (2, 3)
+    spins: np.ndarray  # (2, 3)
+    turn_sum: np.ndarray  # (2, 3, 3)
+    centre_sum: np.ndarray  # (2, 3)
+
+
+@separately_compiled(types.boolean)
+def step_near(pair, flow, stages, step):
+    """Carry both bodies over one step by Runge & Kutta's fourth-order rule; stages holds the rates at its start.
+
+    Returns whether all reflections settled.
+    """
+    turned, crossed = np.empty((3, 3)), np.zeros((3, 3))
+    stages.turn_sum[:] = 0.0
+    stages.centre_sum[:] = 0.0
+    settled = True
+    stages.turns[:] = pair.turns
+    stages.centres[:] = pair.centres
+    for stage in range(4):
+        if stage > 0:
+            fine, _, _ = reflected_rates(
+                pair, stages.turns, stages.centres, flow, stages.velocities, stages.spins
+            )
+            settled = settled and fine
+        weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
+        ahead = step if stage == 2 else 0.5 * step
+        for which in range(2):
+            w = stages.spins[which]
+            crossed[0, 1], crossed[0, 2], crossed[1, 2] = -w[2], w[1], -w[0]
+            crossed[1, 0], crossed[2, 0], crossed[2, 1] = w[2], -w[1], w[0]
+            multiply(crossed, stages.turns[which], turned)
+            for p in range(3):
+                stages.centre_sum[which, p] += weight * stages.velocities[which, p]
+                stages.centres[which, p] = pair.centres[which, p] + ahead * stages.velocities[which, p]
+                for q in range(3):
+                    stages.turn_sum[which, p, q] += weight * turned[p, q]
+                    stages.turns[which, p, q] = pair.turns[which, p, q] + ahead * turned[p, q]
+    for which in range(2):
+        for p in range(3):
+            pair.centres[which, p] += stages.centre_sum[which, p]
+            for q in range(3):
+                pair.turns[which, p, q] += stages.turn_sum[which, p, q]
+        nearest_rotation(pair.turns[which])
+    return settled
+
+
+@separately_compiled(types.Tuple((types.int64, types.float64, types.float64, types.float64)))
+def pass_near(pair, flow, passing, limits):
+    """Let two rigid bodies pass each other; (APART, NEAR, LOADED or OVER, time passed, largest tension over strength, smallest gap).
+
+    limits.step : longest step
+    """
+    velocities, spins = np.empty((2, 3)), np.empty((2, 3))
+    stages = Stages(
+        np.empty((2, 3, 3)), np.empty((2, 3)), velocities, spins, np.empty((2, 3, 3)), np.empty((2, 3))
+    )
+    elapsed, largest, closest = 0.0, 0.0, np.inf
+    centres, reaches = pair.centres, passing.reaches
+    while elapsed < limits.duration - 1e-12:
+        settled, load, tension = reflected_rates(pair, pair.turns, centres, flow, velocities, spins)
+        if not settled or load > limits.load:
+            return LOADED, elapsed, largest, closest
+        largest = max(largest, tension)
+        gap, speed = gap_and_speed(pair, velocities, spins)
+        if gap < passing.margin:
+            return NEAR, elapsed, largest, closest
+        closest = min(closest, gap)
+        if surely_apart(
+            centres[1] - centres[0],
+            velocities[1] - velocities[0],
+            flow.gradient,
+            reaches[1],
+            reaches[0],
+            passing.apart,
+        ):
+            return APART, elapsed, largest, closest
+        step = min(limits.step, limits.duration - elapsed, SHARE_OF_GAP * (gap + 2.0) / speed)
+        if not step_near(pair, flow, stages, step):
+            return LOADED, elapsed + step, largest, closest
+        elapsed += step
+    return OVER, elapsed, largest, closest
