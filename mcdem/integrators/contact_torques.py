@@ -237,7 +237,7 @@ def solve(motion, contacts, gaps, step, physics, work):
             i, j = work.pairs[b, 0], work.pairs[b, 1]
             normal = work.normals[b]
             force, slope, turning, _ = contact_tangent(
-                motion, work.end, gaps, i, j, iteration, physics.contact, normal
+                motion, work.end, gaps, i, j, iteration, physics.contact, work.normals, b
             )
             for k in range(3):
                 along = force * normal[k]

@@ -10,7 +10,7 @@ from mcdem.effects.sums import contact_equilibrium, contact_force, contact_pull_
 from mcdem.hydrodynamics.linear_algebra import cholesky, multiply_symmetric, solve_cholesky
 from mcdem.integrators.state import NOT_CONVERGED, harmonic_radius
 
-# The method is done when it moves no primary by more than this, in a.
+# The method is done when what is left to do moves no primary by more than this, in a: a few 1e-4 of the pull-off force.
 CONVERGED = 1e-7
 MOST_ITERATIONS = 48
 # The iteration from which the start is made once more, with two that take contacts as linear springs.
@@ -24,23 +24,22 @@ def starts_anew(iteration):
 
 
 @compiled
-def contact_tangent(motion, end, gaps, i, j, iteration, contact, normal):
-    """The force of a contact at the end of a step and how Newton's method takes it; fills its direction `normal` (3,).
+def contact_tangent(motion, end, gaps, i, j, iteration, contact, normals, b):
+    """The force of contact b at the end of a step and how Newton's method takes it; fills its direction, row b of `normals`.
 
     iteration : the first takes it by its tangent at the old gap, one that starts anew as a linear spring about equilibrium
     Returns (force, slope, turning, stiffness): minus dF/dh, floored; tension over length; stiffness without load.
     """
     positions, radii = motion.positions, motion.radii
-    old = new = 0.0
-    for k in range(3):
-        d0 = positions[i, k] - positions[j, k]
-        d1 = end[i, k] - end[j, k]
-        old += d0 * d0
-        new += d1 * d1
-        normal[k] = d0 + d1
-    old, new = np.sqrt(old), np.sqrt(new)
-    for k in range(3):
-        normal[k] /= old + new
+    x0, y0, z0 = (
+        positions[i, 0] - positions[j, 0],
+        positions[i, 1] - positions[j, 1],
+        positions[i, 2] - positions[j, 2],
+    )
+    x1, y1, z1 = end[i, 0] - end[j, 0], end[i, 1] - end[j, 1], end[i, 2] - end[j, 2]
+    old, new = np.sqrt(x0 * x0 + y0 * y0 + z0 * z0), np.sqrt(x1 * x1 + y1 * y1 + z1 * z1)
+    scale = 1.0 / (old + new)
+    normals[b, 0], normals[b, 1], normals[b, 2] = (x0 + x1) * scale, (y0 + y1) * scale, (z0 + z1) * scale
     radius = harmonic_radius(radii[i], radii[j])
     gap = new - radii[i] - radii[j]
     rest, stiffness = contact_equilibrium(radius, contact)
@@ -55,22 +54,23 @@ def contact_tangent(motion, end, gaps, i, j, iteration, contact, normal):
         slope = max(-tangent, 0.02 * stiffness)
     # Tension resists the turning of its line, and without that the iteration overshoots it once a contact
     # pulls harder than the fluid holds.  Compression would make the matrix indefinite: it is left out.
-    return force, slope, max(-force, 0.0) / (old + new), stiffness
+    return force, slope, max(-force, 0.0) * scale, stiffness
 
 
 @separately_compiled()
 def add_stiffness(matrix, step, contacts, work):
     """Jacobian of the contact problem: resistance over the step plus the contacts' stiffness (slopes, turnings)."""
-    jacobian = work.jacobian
+    jacobian, normals, pairs = work.jacobian, work.normals, work.pairs
+    rate = 1.0 / step
     for row in range(jacobian.shape[0]):
         for column in range(row + 1):
-            jacobian[row, column] = matrix[row, column] / step
+            jacobian[row, column] = matrix[row, column] * rate
     for b in range(contacts):
-        i, j, slope, turning = work.pairs[b, 0], work.pairs[b, 1], work.slopes[b], work.turnings[b]
+        i, j, slope, turning = pairs[b, 0], pairs[b, 1], work.slopes[b], work.turnings[b]
         work.factor_slopes[b] = slope
         for k in range(3):
             for l in range(3):
-                value = (slope - turning) * work.normals[b, k] * work.normals[b, l]
+                value = (slope - turning) * normals[b, k] * normals[b, l]
                 if k == l:
                     value += turning
                 jacobian[3 * i + k, 3 * j + l] -= value
@@ -93,6 +93,7 @@ def solve_contacts(motion, contacts, gaps, step, contact, work):
     m = 3 * n
     matrix = work.hydrodynamics.resistance[m:, m:]
     jacobian, residual, move = work.jacobian, work.residual, work.move
+    end, normals = work.end, work.normals
     factorised = False
     last = change = np.inf
     for iteration in range(MOST_ITERATIONS):
@@ -100,20 +101,20 @@ def solve_contacts(motion, contacts, gaps, step, contact, work):
         keep = factorised
         for i in range(n):
             for k in range(3):
-                move[3 * i + k] = (work.end[i, k] - positions[i, k]) / step
+                move[3 * i + k] = (end[i, k] - positions[i, k]) / step
         multiply_symmetric(matrix, move, residual)
         for row in range(m):
             residual[row] = work.driving[row] - residual[row]
         for b in range(contacts):
             i, j = work.pairs[b, 0], work.pairs[b, 1]
             force, slope, turning, stiffness = contact_tangent(
-                motion, work.end, gaps, i, j, iteration, contact, work.normals[b]
+                motion, end, gaps, i, j, iteration, contact, normals, b
             )
             work.slopes[b], work.turnings[b] = slope, turning
             if keep and abs(slope - work.factor_slopes[b]) > 0.1 * stiffness:
                 keep = False
             for k in range(3):
-                along = force * work.normals[b, k]
+                along = force * normals[b, k]
                 residual[3 * i + k] += along
                 residual[3 * j + k] -= along
         if keep:
@@ -131,16 +132,24 @@ def solve_contacts(motion, contacts, gaps, step, contact, work):
             change = largest(move)
         for i in range(n):
             for k in range(3):
-                work.end[i, k] += move[3 * i + k]
+                end[i, k] += move[3 * i + k]
         log_iterations(work)
         if not np.isfinite(change):
             return NOT_CONVERGED
         if contacts == 0:
             return 0
-        last = change
-        if iteration >= 1 and not fallback and change < CONVERGED:
+        if iteration >= 1 and not fallback and is_done(iteration, change, last):
             return 0
+        last = change
     return NOT_CONVERGED
+
+
+@compiled
+def is_done(iteration, change, last):
+    """Whether less than CONVERGED is left, by the last move, or by the rate at which the last two fell."""
+    if change < CONVERGED:
+        return True
+    return iteration >= 2 and change <= 0.1 * last and change * change < CONVERGED * (last - change)
 
 
 @compiled
