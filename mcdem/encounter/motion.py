@@ -55,6 +55,7 @@ from mcdem.rigid_aggregates.reflections import (
     LONGEST_STEP,
     OVER,
     NearPair,
+    near_pair,
     pass_near,
     respond,
     side,
@@ -396,7 +397,7 @@ class RigidPair:
             if code != ANSWERED:
                 return None
             sides.append(side(body, response, part.radii))
-        return NearPair(sides[0], sides[1], self.turns, self.centres)
+        return near_pair(sides[0], sides[1], self.turns, self.centres)
 
     def note(self, log: Log, load: float) -> None:
         """Log the largest ratio of tension to pull-off force of both."""
@@ -514,7 +515,7 @@ def pass_near_each_other(pair: RigidPair, course: Course) -> Ended | None:
     while code == OVER and course.now < course.end - 1e-9:
         duration = min(course.end, course.next_frame) - course.now
         limits = Limits(duration, LONGEST_STEP, course.shortcuts.load_limit)
-        code, elapsed, load, gap = pass_near(near, course.flow, passing, limits)
+        code, elapsed, load, gap = pass_near(near, course.physics.level, course.flow, passing, limits)
         course.skip(elapsed)
         course.log.smallest_gap[0] = min(course.log.smallest_gap[0], gap)
         pair.note(course.log, load)

@@ -1,16 +1,16 @@
-"""Two rigid aggregates near each other: the far field of all their primaries, and no contact in between to be found.
+"""Two rigid aggregates near each other: the hydrodynamics of all their primaries, and no contact in between to be found.
 
 What the moments of one body make of the fluid at the primaries of the other is a disturbance d, (-strains | spins | velocities),
-and the other answers it by its own motion and by moments of its own, both linear in d in its own frame and found once:
+and what its primaries bear by the two-body part of pairs is a load f, (torques | forces).  The other answers both by motions y that
+are left to it and by moments of its own:
 
-    moments = own(E) + G d,   motion = own(E) + K d,
-    G = -M^-1 + Y S^-1 Y^T,   K = S^-1 Y^T,   Y = M^-1 P,   S = P^T R P
+    S y = Y^T d + P^T f,   moments = own(E) - M^-1 d + Y y,   Y = M^-1 P,   S = P^T R P
 
-M is the grand mobility of its primaries, R their resistance with lubrication among themselves, and P the motions that are
-left to them: those of a rigid body, and each sphere's own spin where contacts do not resist it.  Moments go from one to the other
-until they no longer change (method of reflections: Smoluchowski 1911; Kim & Karrila 1991, ch. 8).  The result is Stokesian dynamics
-of all primaries with rigid aggregates, but for the two-body part of pairs of one primary of each: it falls off as the seventh
-power of the distance.
+M is the grand mobility of its primaries, R their resistance with lubrication among themselves, and P the motions: those of a rigid
+body, and each sphere's own spin where contacts do not resist it.  All of this is found once, in the frame of the body.  Moments and
+loads go from one to the other until they no longer change (method of reflections: Smoluchowski 1911; Kim & Karrila 1991, ch. 8).
+The result is Stokesian dynamics of all primaries with rigid aggregates, but for the two-body part of pairs further than FADED
+from each other: it falls off as the seventh power of the distance.
 """
 
 from __future__ import annotations
@@ -25,16 +25,15 @@ from mcdem.hydrodynamics import level as levels
 from mcdem.hydrodynamics.frozen_far_field import nearest_rotation, turned_tensor
 from mcdem.hydrodynamics.grand_mobility import five_tensor, tensor_to_five
 from mcdem.hydrodynamics.linear_algebra import (
+    add_product,
+    add_transposed_product,
     cholesky,
     inverse_from_cholesky,
     multiply_symmetric,
     solve_cholesky,
-    solve_lower,
-    solve_lower_from_right,
-    subtract_outer,
 )
 from mcdem.hydrodynamics.mobility_product import rates_caused
-from mcdem.hydrodynamics.resistance import measure
+from mcdem.hydrodynamics.resistance import Work, measure, workspace
 from mcdem.hydrodynamics.undisturbed_flow import spin_component
 from mcdem.integrators.parting import surely_apart
 from mcdem.integrators.rotations import multiply, turn_back
@@ -47,6 +46,8 @@ FAILED = 1
 CONVERGED = 1e-6
 """Change of either body's motion [a g, g] by one more reflection that ends them."""
 MOST_REFLECTIONS = 30
+FADED = 3.0
+"""Gap in a beyond which the two-body part of a pair of one primary of each body is left out."""
 LONGEST_STEP = 0.4
 """Longest step in 1/g."""
 SHARE_OF_GAP = 0.25
@@ -62,11 +63,18 @@ OVER = 3  # its time is over
 
 
 class Response(NamedTuple):
-    """How a rigid aggregate answers, in the orientation in which it was analysed; vectors (11P,) as in `grand_mobility`."""
+    """How a rigid aggregate of P primaries answers, in the orientation in which it was analysed; vectors as in `grand_mobility`.
 
-    moments: np.ndarray  # (11P, 11P) lower triangle: moments that a disturbance calls forth
-    motion: np.ndarray  # (6, 11P) its velocity and angular velocity
-    straining: np.ndarray  # (5, 11P) moments in each of five unit strains
+    The motions that are left to it are counted by F: spins, then velocity and angular velocity of the whole.
+    """
+
+    inverse: np.ndarray  # (11P, 11P) M^-1, lower triangle
+    answers: np.ndarray  # (F, 11P) Y^T
+    allowed: np.ndarray  # (F, 6P) P^T
+    factor: np.ndarray  # (F, F) of S
+    straining: np.ndarray  # (5, 11P) moments in each of five unit strains, ...
+    moving: np.ndarray  # (5, 6P) ... rates of the primaries relative to these, ...
+    motion: np.ndarray  # (5, 6) ... and velocity and angular velocity of the whole
 
 
 class Side(NamedTuple):
@@ -78,11 +86,27 @@ class Side(NamedTuple):
     places: np.ndarray  # (3, P) of the primaries, in the laboratory
     rows: np.ndarray  # (12, P) moments there, as in `mobility_product`
     rates: np.ndarray  # (12, P) what the moments of the other body make there
+    moving: np.ndarray  # (2, P, 3) spins and velocities relative to the flow, in the laboratory
+    load: np.ndarray  # (2, P, 3) torques and forces by the two-body part, in the laboratory
     own: np.ndarray  # (11P,) moments without the other body, in its frame, as are
     moments: np.ndarray  # (11P,) those of now
     disturbance: np.ndarray  # (11P,)
-    motion: np.ndarray  # (6,) by the disturbance
+    borne: np.ndarray  # (6P,) the load
+    motion: np.ndarray  # (F,) y, by what the other body does
+    last: np.ndarray  # (6,) motion of the whole before the last reflection
     seen: np.ndarray  # (5,) strain
+
+
+class Close(NamedTuple):
+    """The pairs of one primary of each body whose two-body part is taken."""
+
+    count: np.ndarray  # (1,)
+    pairs: np.ndarray  # (P_1 P_2, 2)
+    resistance: np.ndarray  # (P_1 P_2, 12, 12) ordered (omega | u)
+    strain_load: np.ndarray  # (P_1 P_2, 12)
+    work: Work  # of two spheres
+    positions: np.ndarray  # (2, 3)
+    radii: np.ndarray  # (2,)
 
 
 class NearPair(NamedTuple):
@@ -90,22 +114,47 @@ class NearPair(NamedTuple):
 
     first: Side
     second: Side
+    close: Close
     turns: np.ndarray  # (2, 3, 3) rotations since they were analysed
     centres: np.ndarray  # (2, 3)
 
 
 _MATRIX = types.float64[:, ::1]
-RESPONSE = types.NamedUniTuple(_MATRIX, 3, Response)
+RESPONSE = types.NamedUniTuple(_MATRIX, 7, Response)
 
 
 def side(body: RigidBody, response: Response, radii: np.ndarray) -> Side:
     """A body with its work arrays."""
     n = len(radii)
-    vectors = np.zeros((3, 11 * n))
-    rows = np.zeros((2, 12, n))
+    rows, vectors, loads = np.zeros((2, 12, n)), np.zeros((3, 11 * n)), np.zeros((2, 2, n, 3))
     return Side(
-        body, response, radii, np.empty((3, n)), rows[0], rows[1], *vectors, np.zeros(6), np.zeros(5)
+        body,
+        response,
+        radii,
+        np.empty((3, n)),
+        *rows,
+        *loads,
+        *vectors,
+        np.zeros(6 * n),
+        np.zeros(len(response.factor)),
+        np.zeros(6),
+        np.zeros(5),
     )
+
+
+def near_pair(first: Side, second: Side, turns: np.ndarray, centres: np.ndarray) -> NearPair:
+    """Two bodies near each other, turned by (2, 3, 3) since they were analysed, with their centres at (2, 3)."""
+    most = len(first.radii) * len(second.radii)
+    close = Close(
+        np.zeros(1, np.int64),
+        np.empty((most, 2), np.int64),
+        np.empty((most, 12, 12)),
+        np.empty((most, 12)),
+        workspace(2),
+        np.empty((2, 3)),
+        np.empty(2),
+    )
+    return NearPair(first, second, close, turns, centres)
 
 
 @separately_compiled(types.Tuple((types.int64, RESPONSE)))
@@ -118,11 +167,19 @@ def respond(work, positions, modes, radii, level):
     n = radii.shape[0]
     whole, spins = 11 * n, 6 * n - modes.shape[1]
     count = spins + 6
-    response = Response(np.empty((whole, whole)), np.empty((6, whole)), np.empty((5, whole)))
+    response = Response(
+        np.empty((whole, whole)),
+        np.zeros((count, whole)),
+        np.zeros((count, 6 * n)),
+        np.empty((count, count)),
+        np.empty((5, whole)),
+        np.empty((5, 6 * n)),
+        np.empty((5, 6)),
+    )
     measure(positions, work.directions, work.distances)
     if levels.resistance(level, work, radii) != 0:
         return FAILED, response
-    inverse = response.moments
+    inverse, answers, allowed, factor = response.inverse, response.answers, response.allowed, response.factor
     inverse[:] = work.mobility
     inverse_from_cholesky(inverse)
     for row in range(whole):
@@ -130,54 +187,39 @@ def respond(work, positions, modes, radii, level):
             inverse[column, row] = inverse[row, column]
     unit, strain_loads = np.eye(5), np.empty((5, 6 * n))
     loads_of_strains(level, work, radii, unit, strain_loads)
-
-    allowed = np.zeros((count, 6 * n))
     for row in range(spins):
         allowed[row, row] = 1.0
     allowed[spins:, spins:] = modes
-    pulled, answer = np.empty((count, 6 * n)), np.zeros((count, whole))
+    pulled = np.empty((count, 6 * n))
     for row in range(count):
         multiply_symmetric(work.resistance, allowed[row], pulled[row])
-        if row < spins:
-            answer[row] = inverse[5 * n + row]
-        else:
-            for k in range(6 * n):
-                if allowed[row, k] != 0.0:
-                    answer[row] += allowed[row, k] * inverse[5 * n + k]
-    resistance = np.empty((count, count))
+        for k in range(6 * n):
+            if allowed[row, k] != 0.0:
+                for column in range(whole):
+                    answers[row, column] += allowed[row, k] * inverse[5 * n + k, column]
     for row in range(count):
         for column in range(row + 1):
-            if column < spins:
-                resistance[row, column] = pulled[row, column]
-            else:
-                resistance[row, column] = np.dot(pulled[row], allowed[column])
+            factor[row, column] = 0.0
+            for k in range(6 * n):
+                factor[row, column] += pulled[row, k] * allowed[column, k]
     ridge = 0.0
     for k in range(spins, spins + 3):
-        ridge += SPINNING * resistance[k, k]
+        ridge += SPINNING * factor[k, k]
     for k in range(spins + 3, count):
-        resistance[k, k] += ridge
-    if cholesky(resistance) != 0:
+        factor[k, k] += ridge
+    if cholesky(factor) != 0:
         return FAILED, response
-    in_strains(inverse, positions, allowed, pulled, resistance, strain_loads, response.straining)
-    half = answer.T.copy()
-    solve_lower_from_right(resistance, half)
-    subtract_outer(inverse, half)
-    for row in range(whole):
-        for column in range(row + 1):
-            inverse[row, column] = -inverse[row, column]
-        solve_lower(resistance, half[row], True)
-        for k in range(6):
-            response.motion[k, row] = half[row, spins + k]
+    in_strains(response, positions, pulled, strain_loads)
     return ANSWERED, response
 
 
-@compiled
-def in_strains(inverse, positions, allowed, pulled, factor, strain_loads, straining):
-    """Moments (5, 11P) of a body that moves freely in each of the unit strains, from what these exert on it held still."""
+@separately_compiled()
+def in_strains(response, positions, pulled, strain_loads):
+    """What a body that moves freely does in each of the unit strains, from what these exert on it held still, (5, 6P)."""
+    allowed = response.allowed
     n, count = positions.shape[0], allowed.shape[0]
     still, motion, rates = np.zeros(6 * n), np.empty(count), np.empty(11 * n)
-    tensor = np.empty((3, 3))
-    unit = np.eye(5)
+    tensor, unit = np.empty((3, 3)), np.eye(5)
     for strain in range(5):
         five_tensor(unit[strain], tensor)
         for i in range(n):
@@ -191,15 +233,18 @@ def in_strains(inverse, positions, allowed, pulled, factor, strain_loads, strain
             motion[row] = 0.0
             for k in range(6 * n):
                 motion[row] += allowed[row, k] * strain_loads[strain, k] - pulled[row, k] * still[k]
-        solve_cholesky(factor, motion)
+        solve_cholesky(response.factor, motion)
         for i in range(n):
             for k in range(5):
                 rates[5 * i + k] = -unit[strain, k]
         for k in range(6 * n):
-            rates[5 * n + k] = still[k]
+            moving = still[k]
             for row in range(count):
-                rates[5 * n + k] += motion[row] * allowed[row, k]
-        multiply_symmetric(inverse, rates, straining[strain])
+                moving += motion[row] * allowed[row, k]
+            rates[5 * n + k] = response.moving[strain, k] = moving
+        for k in range(6):
+            response.motion[strain, k] = motion[count - 6 + k]
+        multiply_symmetric(response.inverse, rates, response.straining[strain])
 
 
 @compiled
@@ -247,11 +292,11 @@ def disturb(one, other):
     rates_caused(one.places, one.radii, other.places, other.radii, other.rows, one.rates)
 
 
-@separately_compiled()
+@separately_compiled(types.float64)
 def answer(one, turn):
-    """Moments and motion of a body in the disturbance by the rates at its primaries."""
+    """Moments and motion of a body in what the other one does; returns by how much the motion of the whole changed."""
     n = one.radii.shape[0]
-    rates, disturbance = one.rates, one.disturbance
+    rates, disturbance, motion, response = one.rates, one.disturbance, one.motion, one.response
     local, tensor, five = np.empty((3, 3)), np.empty((3, 3)), np.empty(5)
     for i in range(n):
         tensor[0, 0], tensor[1, 1], tensor[2, 2] = rates[6, i], rates[7, i], rates[8, i]
@@ -260,27 +305,105 @@ def answer(one, turn):
         tensor[1, 2] = tensor[2, 1] = rates[11, i]
         turned_tensor(turn, tensor, local, True)
         tensor_to_five(local, five)
-        disturbance[5 * i : 5 * i + 5] = five
+        for k in range(5):
+            disturbance[5 * i + k] = five[k]
         for p in range(3):
-            spin = drift = 0.0
+            spin = drift = torque = force = 0.0
             for k in range(3):
                 drift += turn[k, p] * rates[k, i]
                 spin += turn[k, p] * rates[3 + k, i]
+                torque += turn[k, p] * one.load[0, i, k]
+                force += turn[k, p] * one.load[1, i, k]
             disturbance[5 * n + 3 * i + p], disturbance[8 * n + 3 * i + p] = spin, drift
-    multiply_symmetric(one.response.moments, disturbance, one.moments)
+            one.borne[3 * i + p], one.borne[3 * (n + i) + p] = torque, force
+    motion[:] = 0.0
+    add_product(response.answers, disturbance, motion, 1.0)
+    add_product(response.allowed, one.borne, motion, 1.0)
+    solve_cholesky(response.factor, motion)
+    multiply_symmetric(response.inverse, disturbance, one.moments)
     for k in range(11 * n):
-        one.moments[k] += one.own[k]
-
-
-@compiled
-def moved(one):
-    """Motion (6,) of a body by its disturbance; returns by how much it changed."""
+        one.moments[k] = one.own[k] - one.moments[k]
+    add_transposed_product(response.answers, motion, one.moments, 1.0)
     change = 0.0
-    for c in range(6):
-        value = np.dot(one.response.motion[c], one.disturbance)
-        change = max(change, abs(value - one.motion[c]))
-        one.motion[c] = value
+    first = motion.shape[0] - 6
+    for k in range(6):
+        change = max(change, abs(motion[first + k] - one.last[k]))
+        one.last[k] = motion[first + k]
     return change
+
+
+@separately_compiled()
+def move(one, turn):
+    """Rates of the primaries of a body relative to the flow, in the laboratory."""
+    n = one.radii.shape[0]
+    response = one.response
+    local = np.zeros(6 * n)
+    for strain in range(5):
+        for k in range(6 * n):
+            local[k] += response.moving[strain, k] * one.seen[strain]
+    add_transposed_product(response.allowed, one.motion, local, 1.0)
+    for part in range(2):
+        for i in range(n):
+            for p in range(3):
+                one.moving[part, i, p] = 0.0
+                for k in range(3):
+                    one.moving[part, i, p] += turn[p, k] * local[3 * (part * n + i) + k]
+
+
+@separately_compiled()
+def find_close(pair, level, strain):
+    """Pairs of one primary of each body that are near each other, and their two-body parts."""
+    first, second, close = pair.first, pair.second, pair.close
+    work, positions = close.work, close.positions
+    count = 0
+    for i in range(first.radii.shape[0]):
+        for j in range(second.radii.shape[0]):
+            squares = 0.0
+            for k in range(3):
+                positions[0, k], positions[1, k] = first.places[k, i], second.places[k, j]
+                squares += (positions[0, k] - positions[1, k]) ** 2
+            if squares > (first.radii[i] + second.radii[j] + FADED) ** 2:
+                continue
+            close.radii[0], close.radii[1] = first.radii[i], second.radii[j]
+            measure(positions, work.directions, work.distances)
+            for row in range(12):
+                work.strain_load[row] = 0.0
+                for column in range(12):
+                    work.resistance[row, column] = 0.0
+            levels.two_body(level, work, close.radii, strain)
+            close.pairs[count, 0], close.pairs[count, 1] = i, j
+            for row in range(12):
+                close.strain_load[count, row] = work.strain_load[row]
+                for column in range(row + 1):
+                    close.resistance[count, row, column] = work.resistance[row, column]
+                    close.resistance[count, column, row] = work.resistance[row, column]
+            count += 1
+    close.count[0] = count
+    first.load[:] = 0.0
+    second.load[:] = 0.0
+
+
+@separately_compiled()
+def bear(pair):
+    """What the primaries of both bodies bear by the two-body parts of their pairs, at their rates."""
+    first, second, close = pair.first, pair.second, pair.close
+    rates = np.empty(12)
+    first.load[:] = 0.0
+    second.load[:] = 0.0
+    for c in range(close.count[0]):
+        i, j = close.pairs[c, 0], close.pairs[c, 1]
+        for part in range(2):
+            for k in range(3):
+                rates[6 * part + k] = first.moving[part, i, k]
+                rates[6 * part + 3 + k] = second.moving[part, j, k]
+        for part in range(2):
+            for k in range(3):
+                mine, other = close.strain_load[c, 6 * part + k], close.strain_load[c, 6 * part + 3 + k]
+                for m in range(12):
+                    mine -= close.resistance[c, 6 * part + k, m] * rates[m]
+                    other -= close.resistance[c, 6 * part + 3 + k, m] * rates[m]
+                first.load[part, i, k] += mine
+                second.load[part, j, k] += other
 
 
 @compiled
@@ -295,10 +418,10 @@ def rates_and_load(one, turn, centre, gradient, velocity, spin):
         spin[k] = spin_component(gradient, k)
         velocity[k] = gradient[k, 0] * centre[0] + gradient[k, 1] * centre[1] + gradient[k, 2] * centre[2]
     for c in range(3):
-        own_drift, own_spin = one.motion[c], one.motion[3 + c]
+        own_drift, own_spin = one.last[c], one.last[3 + c]
         for m in range(5):
-            own_drift += one.body.drift[c, m] * one.seen[m]
-            own_spin += one.body.spin[c, m] * one.seen[m]
+            own_drift += one.response.motion[m, c] * one.seen[m]
+            own_spin += one.response.motion[m, 3 + c] * one.seen[m]
         for k in range(3):
             velocity[k] += turn[k, c] * own_drift
             spin[k] += turn[k, c] * own_spin
@@ -306,23 +429,29 @@ def rates_and_load(one, turn, centre, gradient, velocity, spin):
 
 
 @separately_compiled(types.Tuple((types.boolean, types.float64, types.float64)))
-def reflected_rates(pair, turns, centres, flow, velocities, spins):
+def reflected_rates(pair, level, turns, centres, flow, velocities, spins):
     """Rates (2, 3) of both bodies at the places given; (whether the reflections settled, larger present loads)."""
     first, second = pair.first, pair.second
     put(first, turns[0], centres[0], flow.strain)
     put(second, turns[1], centres[1], flow.strain)
+    find_close(pair, level, flow.strain)
+    borne = pair.close.count[0] > 0
     settled = False
-    for _ in range(MOST_REFLECTIONS):
+    for reflection in range(MOST_REFLECTIONS):
+        if borne:
+            move(first, turns[0])
+            move(second, turns[1])
+            bear(pair)
         exert(second, turns[1])
         disturb(first, second)
-        answer(first, turns[0])
-        change = moved(first)
+        change = answer(first, turns[0])
         exert(first, turns[0])
         disturb(second, first)
-        answer(second, turns[1])
-        change = max(change, moved(second))
-        if change < CONVERGED:
+        change = max(change, answer(second, turns[1]))
+        if reflection > 0 and change < CONVERGED:
             settled = True
+            break
+        if not change < 1e3:
             break
     load, tension = rates_and_load(first, turns[0], centres[0], flow.gradient, velocities[0], spins[0])
     other, pull = rates_and_load(second, turns[1], centres[1], flow.gradient, velocities[1], spins[1])
@@ -370,7 +499,7 @@ class Stages(NamedTuple):
 
 
 @separately_compiled(types.boolean)
-def step_near(pair, flow, stages, step):
+def step_near(pair, level, flow, stages, step):
     """Carry both bodies over one step by Runge & Kutta's fourth-order rule; stages holds the rates at its start.
 
     Returns whether all reflections settled.
@@ -384,7 +513,7 @@ def step_near(pair, flow, stages, step):
     for stage in range(4):
         if stage > 0:
             fine, _, _ = reflected_rates(
-                pair, stages.turns, stages.centres, flow, stages.velocities, stages.spins
+                pair, level, stages.turns, stages.centres, flow, stages.velocities, stages.spins
             )
             settled = settled and fine
         weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
@@ -410,7 +539,7 @@ def step_near(pair, flow, stages, step):
 
 
 @separately_compiled(types.Tuple((types.int64, types.float64, types.float64, types.float64)))
-def pass_near(pair, flow, passing, limits):
+def pass_near(pair, level, flow, passing, limits):
     """Let two rigid bodies pass each other; (APART, NEAR, LOADED or OVER, time passed, largest tension over strength, smallest gap).
 
     limits.step : longest step
@@ -422,7 +551,7 @@ def pass_near(pair, flow, passing, limits):
     elapsed, largest, closest = 0.0, 0.0, np.inf
     centres, reaches = pair.centres, passing.reaches
     while elapsed < limits.duration - 1e-12:
-        settled, load, tension = reflected_rates(pair, pair.turns, centres, flow, velocities, spins)
+        settled, load, tension = reflected_rates(pair, level, pair.turns, centres, flow, velocities, spins)
         if not settled or load > limits.load:
             return LOADED, elapsed, largest, closest
         largest = max(largest, tension)
@@ -440,7 +569,7 @@ def pass_near(pair, flow, passing, limits):
         ):
             return APART, elapsed, largest, closest
         step = min(limits.step, limits.duration - elapsed, SHARE_OF_GAP * (gap + 2.0) / speed)
-        if not step_near(pair, flow, stages, step):
+        if not step_near(pair, level, flow, stages, step):
             return LOADED, elapsed + step, largest, closest
         elapsed += step
     return OVER, elapsed, largest, closest
