@@ -243,7 +243,7 @@ def follow(part: Motion, waiting: Waiting, course: Course) -> Ended:
             began = clock.monotonic()
             most = min(course.most_steps, int(log.steps[0]) + piece)
             bounds = Bounds(
-                shortcuts.separation, quiet_time, loose_gap(course), course.next_frame, course.end, most
+                shortcuts.separation, quiet_time, course.next_frame, course.end, most, loose_gap(course)
             )
             code = follow_steps(group, course.flow, course.physics, course.options, log, watch, bounds)
             if code != TOO_MANY_STEPS or log.steps[0] >= course.most_steps:

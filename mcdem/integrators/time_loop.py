@@ -40,10 +40,10 @@ class Bounds(NamedTuple):
 
     separation: float  # centre distance in R_i + R_j beyond which bodies that never turn back have PARTED (`parting`); 0: never
     quiet_time: float  # strain without a change of contacts after which a single body has SETTLED; inf: never
-    loose: float  # gap between two bodies beyond which, after that strain too, they are LOOSE; inf: never
     pause: float  # time from which on the next step returns PAUSED
     end: float  # time at which all is DONE
     most_steps: int  # number of steps after which it is TOO_MANY_STEPS
+    loose: float = np.inf  # gap between two bodies beyond which, quiet for as long, they are LOOSE; inf: never
 
 
 @compiled

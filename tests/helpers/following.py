@@ -70,7 +70,7 @@ class Follow:
             self.options,
             log,
             new_watch(log, np.inf),
-            Bounds(0.0, np.inf, np.inf, np.inf, time, log.steps[0] + steps),
+            Bounds(0.0, np.inf, np.inf, time, log.steps[0] + steps),
         )
         assert code in (state.DONE, state.TOO_MANY_STEPS)
         return self.motion.positions
