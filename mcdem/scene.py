@@ -97,8 +97,9 @@ class NumericsOfScene(Table):
     """Two rigid aggregates approach as bodies with a stresslet down to this centre distance over R_i + R_j; 0 for never,
     as at levels of hydrodynamics without stresslets."""
     sure_miss: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1e4")] = 0.5
-    """Two rigid aggregates that came together as bodies pass as bodies if no two of their primaries come closer than this gap,
-    in radii, and nothing can break; 0 for never.  The gap is predicted to about 0.1."""
+    """Two rigid aggregates that came together as bodies pass as bodies while no two of their primaries are closer than this gap,
+    in radii, and nothing can break; 0 for never.  By their stresslets the gap is predicted to about 0.1; where that does not
+    decide, with the hydrodynamics of all their primaries."""
     separation: Annotated[float, DIMENSIONLESS.non_negative.between("0", "1e4", "1.5")] = 1.5
     """Parts go on alone beyond this centre distance over R_i + R_j once they surely do not come back to each other: beyond the
     closed orbits, and on a path that the other would move by less than a hundredth of a radius; 0 for never."""

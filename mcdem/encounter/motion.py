@@ -50,16 +50,15 @@ from mcdem.integrators.state import (
 from mcdem.integrators.time_loop import Bounds, follow_steps, new_watch
 from mcdem.rigid_aggregates.passage import Limits, Pair, Passing, approach, pass_by
 from mcdem.rigid_aggregates.reflections import (
-    ANSWERED,
     APART,
     LONGEST_STEP,
     OVER,
     NearPair,
     near_pair,
     pass_near,
-    respond,
     side,
 )
+from mcdem.rigid_aggregates.responses import ANSWERED, respond
 from mcdem.rigid_aggregates.statics import (
     RIGID,
     RigidBody,
@@ -77,8 +76,8 @@ LONGEST_PIECE = 0.5
 """About how long compiled code goes on by itself [s]."""
 LOOSE_MARGINS = 2.0
 """Gap, over that below which primaries have to be followed, beyond which bodies pass as such again."""
-AGAIN = 2.0
-"""What could not go on as rigid bodies is tried again after this many quiet times."""
+STILL_FLOPPY = 2.0
+"""What was not rigid is looked at again after this many quiet times."""
 WEAK = 0.01
 """Direct force [6 pi mu a^2 g] between two primaries that hardly moves them: by a hundredth of a radius in a strain of one."""
 
@@ -193,9 +192,7 @@ def groups_apart(
     bodies, separation = label_bodies(part.bonded, labels), course.shortcuts.separation
     count = label_groups(part, labels, bodies, course.flow.gradient, separation, groups)
     alone = [members[groups == group] for group in range(count)]
-    return [
-        Waiting(m, course.now, quiet_since) for m in alone if len(m) > 1 or course.frames is not None
-    ]
+    return [Waiting(m, course.now, quiet_since) for m in alone if len(m) > 1 or course.frames is not None]
 
 
 def take(motion: Motion, members: NDArray[np.intp]) -> Motion:
@@ -256,35 +253,36 @@ def follow(part: Motion, waiting: Waiting, course: Course) -> Ended:
             return Ended(int(code), float(watch.quiet_since[0]))
         started = course.now
         if code == LOOSE:
-            ended = go_on_as_pair(part, members, course, group.work.labels)
+            rigid, ended = go_on_as_pair(part, members, course, work.labels)
         else:
-            ended = go_on_as_body(part, members, course)
+            rigid, ended = go_on_as_body(part, members, course)
         if ended is not None:
             return ended
         if course.now > started:
             find_gaps(part.positions, part.radii, gaps)
             history = new_history(part)
-        watch.look[0] = course.now + AGAIN * shortcuts.quiet_time
+        watch.look[0] = course.now + (1.0 if rigid else STILL_FLOPPY) * shortcuts.quiet_time
 
 
-def go_on_as_body(part: Motion, members: NDArray[np.intp], course: Course) -> Ended | None:
-    """Go on with one body as a rigid one; None if it is not, or where its load became too large."""
+def go_on_as_body(part: Motion, members: NDArray[np.intp], course: Course) -> tuple[bool, Ended | None]:
+    """Go on with one body; (whether it is rigid, None where it is to be followed by primaries, as its load became too large)."""
     body, centre = analysed(part, course.physics)
-    if body is not None and end_as_body(part, members, Posture(body, np.eye(3), centre), course):
-        return Ended(DONE)
-    return None
+    if body is None:
+        return False, None
+    done = end_as_body(part, members, Posture(body, np.eye(3), centre), course)
+    return True, Ended(DONE) if done else None
 
 
 def go_on_as_pair(
     part: Motion, members: NDArray[np.intp], course: Course, labels: NDArray[np.int64]
-) -> Ended | None:
-    """Go on with two bodies, of which each primary has a label, as rigid ones; None where they have to be followed further."""
+) -> tuple[bool, Ended | None]:
+    """Go on with two bodies, of which each primary has a label; as `go_on_as_body`."""
     pair = rigid_pair(part, members, labels, course.physics)
     if pair is None:
-        return None
+        return False, None
     ended = pass_near_each_other(pair, course)
     pair.put_back(part)
-    return ended
+    return True, ended
 
 
 def end_as_body(part: Motion, members: NDArray[np.intp], posture: Posture, course: Course) -> bool:

@@ -43,7 +43,9 @@ class Bounds(NamedTuple):
     pause: float  # time from which on the next step returns PAUSED
     end: float  # time at which all is DONE
     most_steps: int  # number of steps after which it is TOO_MANY_STEPS
-    loose: float = np.inf  # gap between two bodies beyond which, quiet for as long, they are LOOSE; inf: never
+    loose: float = (
+        np.inf
+    )  # gap between two bodies beyond which, quiet for as long, they are LOOSE; inf: never
 
 
 @compiled

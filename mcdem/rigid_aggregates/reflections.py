@@ -1,16 +1,10 @@
 """Two rigid aggregates near each other: the hydrodynamics of all their primaries, and no contact in between to be found.
 
-What the moments of one body make of the fluid at the primaries of the other is a disturbance d, (-strains | spins | velocities),
-and what its primaries bear by the two-body part of pairs is a load f, (torques | forces).  The other answers both by motions y that
-are left to it and by moments of its own:
-
-    S y = Y^T d + P^T f,   moments = own(E) - M^-1 d + Y y,   Y = M^-1 P,   S = P^T R P
-
-M is the grand mobility of its primaries, R their resistance with lubrication among themselves, and P the motions: those of a rigid
-body, and each sphere's own spin where contacts do not resist it.  All of this is found once, in the frame of the body.  Moments and
-loads go from one to the other until they no longer change (method of reflections: Smoluchowski 1911; Kim & Karrila 1991, ch. 8).
-The result is Stokesian dynamics of all primaries with rigid aggregates, but for the two-body part of pairs further than FADED
-from each other: it falls off as the seventh power of the distance.
+What the moments of one body make of the fluid at the primaries of the other is a disturbance, and what its primaries bear by the
+two-body part of pairs is a load.  The other answers both by its motion and by moments of its own (`responses`); they go from one to
+the other until nothing changes any more (method of reflections: Smoluchowski 1911; Kim & Karrila 1991, ch. 8).  The result is
+Stokesian dynamics of all primaries with rigid aggregates, but for the two-body part of pairs further than FADED from each other: it
+falls off as the seventh power of the distance.
 """
 
 from __future__ import annotations
@@ -27,8 +21,6 @@ from mcdem.hydrodynamics.grand_mobility import five_tensor, tensor_to_five
 from mcdem.hydrodynamics.linear_algebra import (
     add_product,
     add_transposed_product,
-    cholesky,
-    inverse_from_cholesky,
     multiply_symmetric,
     solve_cholesky,
 )
@@ -37,11 +29,8 @@ from mcdem.hydrodynamics.resistance import Work, measure, workspace
 from mcdem.hydrodynamics.undisturbed_flow import spin_component
 from mcdem.integrators.parting import surely_apart
 from mcdem.integrators.rotations import multiply, turn_back
-from mcdem.rigid_aggregates.passage import Limits, Passing
-from mcdem.rigid_aggregates.statics import RigidBody, loads_of_strains, present_load
-
-ANSWERED = 0
-FAILED = 1
+from mcdem.rigid_aggregates.responses import Response
+from mcdem.rigid_aggregates.statics import RigidBody, present_load
 
 CONVERGED = 1e-6
 """Change of either body's motion [a g, g] by one more reflection that ends them."""
@@ -52,29 +41,11 @@ LONGEST_STEP = 0.4
 """Longest step in 1/g."""
 SHARE_OF_GAP = 0.25
 """... and over the time in which the bodies would close the smallest gap and two radii."""
-SPINNING = 1e-10
-"""Resistance to rotation, over that to translation, that is added: a doublet has none about its own axis."""
-
 # How a passage ended.
 APART = 0  # surely
 NEAR = 1  # two primaries came closer than the margin
 LOADED = 2  # a contact would bear more than its limit, or the reflections do not settle
 OVER = 3  # its time is over
-
-
-class Response(NamedTuple):
-    """How a rigid aggregate of P primaries answers, in the orientation in which it was analysed; vectors as in `grand_mobility`.
-
-    The motions that are left to it are counted by F: spins, then velocity and angular velocity of the whole.
-    """
-
-    inverse: np.ndarray  # (11P, 11P) M^-1, lower triangle
-    answers: np.ndarray  # (F, 11P) Y^T
-    allowed: np.ndarray  # (F, 6P) P^T
-    factor: np.ndarray  # (F, F) of S
-    straining: np.ndarray  # (5, 11P) moments in each of five unit strains, ...
-    moving: np.ndarray  # (5, 6P) ... rates of the primaries relative to these, ...
-    motion: np.ndarray  # (5, 6) ... and velocity and angular velocity of the whole
 
 
 class Side(NamedTuple):
@@ -100,7 +71,7 @@ class Side(NamedTuple):
 class Close(NamedTuple):
     """The pairs of one primary of each body whose two-body part is taken."""
 
-    count: np.ndarray  # (1,)
+    filled: np.ndarray  # (1,) how many there are
     pairs: np.ndarray  # (P_1 P_2, 2)
     resistance: np.ndarray  # (P_1 P_2, 12, 12) ordered (omega | u)
     strain_load: np.ndarray  # (P_1 P_2, 12)
@@ -119,26 +90,25 @@ class NearPair(NamedTuple):
     centres: np.ndarray  # (2, 3)
 
 
-_MATRIX = types.float64[:, ::1]
-RESPONSE = types.NamedUniTuple(_MATRIX, 7, Response)
-
-
 def side(body: RigidBody, response: Response, radii: np.ndarray) -> Side:
     """A body with its work arrays."""
     n = len(radii)
-    rows, vectors, loads = np.zeros((2, 12, n)), np.zeros((3, 11 * n)), np.zeros((2, 2, n, 3))
     return Side(
         body,
         response,
         radii,
-        np.empty((3, n)),
-        *rows,
-        *loads,
-        *vectors,
-        np.zeros(6 * n),
-        np.zeros(len(response.factor)),
-        np.zeros(6),
-        np.zeros(5),
+        places=np.zeros((3, n)),
+        rows=np.zeros((12, n)),
+        rates=np.zeros((12, n)),
+        moving=np.zeros((2, n, 3)),
+        load=np.zeros((2, n, 3)),
+        own=np.zeros(11 * n),
+        moments=np.zeros(11 * n),
+        disturbance=np.zeros(11 * n),
+        borne=np.zeros(6 * n),
+        motion=np.zeros(len(response.factor)),
+        last=np.zeros(6),
+        seen=np.zeros(5),
     )
 
 
@@ -155,96 +125,6 @@ def near_pair(first: Side, second: Side, turns: np.ndarray, centres: np.ndarray)
         np.empty(2),
     )
     return NearPair(first, second, close, turns, centres)
-
-
-@separately_compiled(types.Tuple((types.int64, RESPONSE)))
-def respond(work, positions, modes, radii, level):
-    """(ANSWERED or FAILED, `Response`) of a rigid aggregate; positions (P, 3) about its centre.
-
-    work : `resistance.workspace` of P
-    modes : rigid motions (6, 3P) as displacements of spheres that are free to spin, or (6, 6P) with the turns of ones that are not
-    """
-    n = radii.shape[0]
-    whole, spins = 11 * n, 6 * n - modes.shape[1]
-    count = spins + 6
-    response = Response(
-        np.empty((whole, whole)),
-        np.zeros((count, whole)),
-        np.zeros((count, 6 * n)),
-        np.empty((count, count)),
-        np.empty((5, whole)),
-        np.empty((5, 6 * n)),
-        np.empty((5, 6)),
-    )
-    measure(positions, work.directions, work.distances)
-    if levels.resistance(level, work, radii) != 0:
-        return FAILED, response
-    inverse, answers, allowed, factor = response.inverse, response.answers, response.allowed, response.factor
-    inverse[:] = work.mobility
-    inverse_from_cholesky(inverse)
-    for row in range(whole):
-        for column in range(row):
-            inverse[column, row] = inverse[row, column]
-    unit, strain_loads = np.eye(5), np.empty((5, 6 * n))
-    loads_of_strains(level, work, radii, unit, strain_loads)
-    for row in range(spins):
-        allowed[row, row] = 1.0
-    allowed[spins:, spins:] = modes
-    pulled = np.empty((count, 6 * n))
-    for row in range(count):
-        multiply_symmetric(work.resistance, allowed[row], pulled[row])
-        for k in range(6 * n):
-            if allowed[row, k] != 0.0:
-                for column in range(whole):
-                    answers[row, column] += allowed[row, k] * inverse[5 * n + k, column]
-    for row in range(count):
-        for column in range(row + 1):
-            factor[row, column] = 0.0
-            for k in range(6 * n):
-                factor[row, column] += pulled[row, k] * allowed[column, k]
-    ridge = 0.0
-    for k in range(spins, spins + 3):
-        ridge += SPINNING * factor[k, k]
-    for k in range(spins + 3, count):
-        factor[k, k] += ridge
-    if cholesky(factor) != 0:
-        return FAILED, response
-    in_strains(response, positions, pulled, strain_loads)
-    return ANSWERED, response
-
-
-@separately_compiled()
-def in_strains(response, positions, pulled, strain_loads):
-    """What a body that moves freely does in each of the unit strains, from what these exert on it held still, (5, 6P)."""
-    allowed = response.allowed
-    n, count = positions.shape[0], allowed.shape[0]
-    still, motion, rates = np.zeros(6 * n), np.empty(count), np.empty(11 * n)
-    tensor, unit = np.empty((3, 3)), np.eye(5)
-    for strain in range(5):
-        five_tensor(unit[strain], tensor)
-        for i in range(n):
-            for k in range(3):
-                still[3 * (n + i) + k] = -(
-                    tensor[k, 0] * positions[i, 0]
-                    + tensor[k, 1] * positions[i, 1]
-                    + tensor[k, 2] * positions[i, 2]
-                )
-        for row in range(count):
-            motion[row] = 0.0
-            for k in range(6 * n):
-                motion[row] += allowed[row, k] * strain_loads[strain, k] - pulled[row, k] * still[k]
-        solve_cholesky(response.factor, motion)
-        for i in range(n):
-            for k in range(5):
-                rates[5 * i + k] = -unit[strain, k]
-        for k in range(6 * n):
-            moving = still[k]
-            for row in range(count):
-                moving += motion[row] * allowed[row, k]
-            rates[5 * n + k] = response.moving[strain, k] = moving
-        for k in range(6):
-            response.motion[strain, k] = motion[count - 6 + k]
-        multiply_symmetric(response.inverse, rates, response.straining[strain])
 
 
 @compiled
@@ -378,7 +258,7 @@ def find_close(pair, level, strain):
                     close.resistance[count, row, column] = work.resistance[row, column]
                     close.resistance[count, column, row] = work.resistance[row, column]
             count += 1
-    close.count[0] = count
+    close.filled[0] = count
     first.load[:] = 0.0
     second.load[:] = 0.0
 
@@ -390,7 +270,7 @@ def bear(pair):
     rates = np.empty(12)
     first.load[:] = 0.0
     second.load[:] = 0.0
-    for c in range(close.count[0]):
+    for c in range(close.filled[0]):
         i, j = close.pairs[c, 0], close.pairs[c, 1]
         for part in range(2):
             for k in range(3):
@@ -435,7 +315,7 @@ def reflected_rates(pair, level, turns, centres, flow, velocities, spins):
     put(first, turns[0], centres[0], flow.strain)
     put(second, turns[1], centres[1], flow.strain)
     find_close(pair, level, flow.strain)
-    borne = pair.close.count[0] > 0
+    borne = pair.close.filled[0] > 0
     settled = False
     for reflection in range(MOST_REFLECTIONS):
         if borne:
@@ -540,9 +420,9 @@ def step_near(pair, level, flow, stages, step):
 
 @separately_compiled(types.Tuple((types.int64, types.float64, types.float64, types.float64)))
 def pass_near(pair, level, flow, passing, limits):
-    """Let two rigid bodies pass each other; (APART, NEAR, LOADED or OVER, time passed, largest tension over strength, smallest gap).
+    """Let two rigid bodies pass each other, in steps of limits.step at most.
 
-    limits.step : longest step
+    Returns (APART, NEAR, LOADED or OVER, time passed, largest tension over strength, smallest gap).
     """
     velocities, spins = np.empty((2, 3)), np.empty((2, 3))
     stages = Stages(
