@@ -1,10 +1,10 @@
 """Two rigid aggregates near each other: the hydrodynamics of all their primaries, and no contact in between to be found.
 
-What the moments of one body make of the fluid at the primaries of the other is a disturbance, and what its primaries bear by the
-two-body part of pairs is a load.  The other answers both by its motion and by moments of its own (`responses`); they go from one to
-the other until nothing changes any more (method of reflections: Smoluchowski 1911; Kim & Karrila 1991, ch. 8).  The result is
-Stokesian dynamics of all primaries with rigid aggregates, but for the two-body part of pairs further than FADED from each other: it
-falls off as the seventh power of the distance.
+What the moments of one body make of the fluid at the primaries of the other is a disturbance, and what its primaries bear by
+the two-body part of pairs is a load. The other answers both by its motion and by moments of its own (`responses`); they go
+from one to the other until nothing changes any more (method of reflections: Smoluchowski 1911; Kim & Karrila 1991, ch. 8).
+The result is Stokesian dynamics of all primaries with rigid aggregates, but for the two-body part of pairs further than FADED
+from each other: it falls off as the seventh power of the distance.
 """
 
 from __future__ import annotations
