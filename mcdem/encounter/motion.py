@@ -316,20 +316,24 @@ def place(
     centre: NDArray[np.float64],
     gradient: NDArray[np.float64],
     springs: NDArray[np.float64] | None,
+    rates: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> None:
     """Put the primaries of a rigid body where it is, and its `springs`, as analysed, with them.
 
-    Velocities are those of the flow, for a start.
+    rates : its velocity and angular velocity (3,); those of the flow, for a start, if None
     """
     if springs is not None:
         assert part.springs is not None
         part.springs[..., :3], part.springs[..., 3:6] = springs[..., :3] @ turn.T, springs[..., 3:6] @ turn.T
     about = body.positions @ turn.T
     part.positions[:] = centre + about
+    if rates is None:
+        spin = np.array([0.5 * (gradient[k - 1, k - 2] - gradient[k - 2, k - 1]) for k in range(3)])
+        rates = gradient @ centre, spin
+    velocity, (a, b, c) = rates
     # omega x r, written out: np.cross takes ten times as long for few primaries.
-    a, b, c = (0.5 * (gradient[k - 1, k - 2] - gradient[k - 2, k - 1]) for k in range(3))
     x, y, z = about.T
-    part.velocities[:] = np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1) + gradient @ centre
+    part.velocities[:] = np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1) + velocity
 
 
 def turn_as_body(
@@ -409,12 +413,12 @@ class RigidPair:
                 course.frames, part, members, course.physics, course.now, body, turn, course.flow.strain
             )
 
-    def place(self, course: Course) -> None:
-        """Put the primaries where their bodies are."""
-        for part, body, turn, centre, springs in zip(
-            self.parts, self.bodies, self.turns, self.centres, self.springs, strict=True
-        ):
-            place(part, body, turn, centre, course.flow.gradient, springs)
+    def place(self, course: Course, rates: NearPair | None = None) -> None:
+        """Put the primaries where their bodies are; rates : what knows how these move, the flow if None."""
+        for which, part in enumerate(self.parts):
+            known = None if rates is None else (rates.velocities[which], rates.spins[which])
+            turn, centre, springs = self.turns[which], self.centres[which], self.springs[which]
+            place(part, self.bodies[which], turn, centre, course.flow.gradient, springs, known)
 
     def put_back(self, motion: Motion) -> None:
         """Write both back into the motion that they are parts of."""
@@ -517,7 +521,7 @@ def pass_near_each_other(pair: RigidPair, course: Course) -> Ended | None:
         course.skip(elapsed)
         course.log.smallest_gap[0] = min(course.log.smallest_gap[0], gap)
         pair.note(course.log, load)
-        pair.place(course)
+        pair.place(course, near)
         pair.show(course)
     if code == APART or code == OVER:
         return Ended(PARTED, began, pair.alone(course) if code == APART else [])

@@ -88,6 +88,8 @@ class NearPair(NamedTuple):
     close: Close
     turns: np.ndarray  # (2, 3, 3) rotations since they were analysed
     centres: np.ndarray  # (2, 3)
+    velocities: np.ndarray  # (2, 3) of the centres, and ...
+    spins: np.ndarray  # (2, 3) ... angular velocities, where `pass_near` last found them
 
 
 def side(body: RigidBody, response: Response, radii: np.ndarray) -> Side:
@@ -124,7 +126,7 @@ def near_pair(first: Side, second: Side, turns: np.ndarray, centres: np.ndarray)
         np.empty((2, 3)),
         np.empty(2),
     )
-    return NearPair(first, second, close, turns, centres)
+    return NearPair(first, second, close, turns, centres, np.zeros((2, 3)), np.zeros((2, 3)))
 
 
 @compiled
@@ -424,7 +426,7 @@ def pass_near(pair, level, flow, passing, limits):
 
     Returns (APART, NEAR, LOADED or OVER, time passed, largest tension over strength, smallest gap).
     """
-    velocities, spins = np.empty((2, 3)), np.empty((2, 3))
+    velocities, spins = pair.velocities, pair.spins
     stages = Stages(
         np.empty((2, 3, 3)), np.empty((2, 3)), velocities, spins, np.empty((2, 3, 3)), np.empty((2, 3))
     )
