@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from mcdem.compilation import separately_compiled
+from mcdem.compilation import compiled, separately_compiled
 from mcdem.hydrodynamics import level as levels
 from mcdem.hydrodynamics.grand_mobility import five_tensor
 from mcdem.hydrodynamics.linear_algebra import (
@@ -26,13 +26,10 @@ from mcdem.hydrodynamics.linear_algebra import (
     solve_cholesky,
 )
 from mcdem.hydrodynamics.resistance import measure
-from mcdem.rigid_aggregates.statics import loads_of_strains
+from mcdem.rigid_aggregates.statics import loads_of_strains, straight_axis
 
 ANSWERED = 0
 FAILED = 1
-
-SPINNING = 1e-10
-"""Resistance to rotation, over that to translation, that is added: a doublet has none about its own axis."""
 
 
 class Response(NamedTuple):
@@ -99,15 +96,27 @@ def respond(work, positions, modes, radii, level):
             factor[row, column] = 0.0
             for k in range(6 * n):
                 factor[row, column] += pulled[row, k] * allowed[column, k]
-    ridge = 0.0
-    for k in range(spins, spins + 3):
-        ridge += SPINNING * factor[k, k]
-    for k in range(spins + 3, count):
-        factor[k, k] += ridge
+    if spins > 0:
+        hold_free_spins(factor, positions)
     if cholesky(factor) != 0:
         return FAILED, response
     in_strains(response, positions, pulled, strain_loads)
     return ANSWERED, response
+
+
+@compiled
+def hold_free_spins(factor, positions):
+    """Let something resist the spins of a whole that nothing resists: of one sphere, and of a doublet about its axis."""
+    first = factor.shape[0] - 3
+    if positions.shape[0] == 1:
+        for k in range(3):
+            factor[first + k, first + k] += 1.0
+        return
+    axis = straight_axis(positions)
+    resistance = factor[first, first] + factor[first + 1, first + 1] + factor[first + 2, first + 2]
+    for p in range(3):
+        for q in range(p + 1):
+            factor[first + p, first + q] += resistance * axis[p] * axis[q]
 
 
 @separately_compiled()
