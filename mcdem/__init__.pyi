@@ -15,6 +15,8 @@ from .kernel_tables import into_atlas as into_atlas
 from .kernel_tables import steady_shares as steady_shares
 from .kernel_tables import tabulate as tabulate
 from .kernel_tables import with_runs as with_runs
+from .kernel_tables.until_error import SoughtSummary as SoughtSummary
+from .kernel_tables.until_error import tabulate_until as tabulate_until
 from .monte_carlo.run_control import RunSummary as RunSummary
 from .monte_carlo.run_control import run as run
 from .opened_run import OpenedRun as OpenedRun

@@ -329,6 +329,21 @@ def stresses_of_others() -> Iterator[None]:
         yield
 
 
+@contextlib.contextmanager
+def weights_lost() -> Iterator[None]:
+    """Encounters that were drawn where they narrow the error most count as if they were drawn by the flux."""
+    from pbekit.tables.kernel_table import Records
+
+    read = Records.__post_init__
+
+    def without(records: Records) -> None:
+        object.__setattr__(records, "weight", None)
+        read(records)
+
+    with mock.patch.object(Records, "__post_init__", without):
+        yield
+
+
 WAYS: dict[str, Callable[[], contextlib.AbstractContextManager]] = {
     way.__name__: way
     for way in (
@@ -351,6 +366,7 @@ WAYS: dict[str, Callable[[], contextlib.AbstractContextManager]] = {
         absent_left_in,
         absent_costs,
         stresses_of_others,
+        weights_lost,
         stresses_inverted,
     )
 }

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,6 +13,8 @@ from mcdem.commands import MOST_SAMPLED, Kind, Overwrite, SceneFile, Scheduler, 
 from pbekit.program import finite
 
 if TYPE_CHECKING:
+    from mcdem.kernel_tables.tabulation import TableSummary
+    from mcdem.kernel_tables.until_error import SoughtSummary
     from mcdem.monte_carlo.executors import Crew
     from mcdem.scene import Scene
 
@@ -64,6 +67,17 @@ def kernels(
     aggregates_only: Annotated[
         bool, typer.Option("--aggregates-only", help="Take aggregates from the runs, not their events.")
     ] = False,
+    until_error: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WANTED",
+            help='Such as "eta=5%" or "breakup=10%": encounters of --pair alone, with offsets drawn where they narrow its error '
+            "most and weights in the table, until this relative standard error is reached.",
+        ),
+    ] = None,
+    pair: Annotated[
+        str, typer.Option(metavar="P+P", help="Sizes that --until-error is about, in primaries.")
+    ] = "1+1",
     shape: Annotated[
         str,
         typer.Option(help='Second coordinate: "aspect ratio", "outer radius" or "radius of gyration".'),
@@ -86,9 +100,11 @@ def kernels(
 ) -> None:
     """Tabulate the outcomes of encounters, class by class, for `pbekit solve` and `pbekit compare`.
 
-    A run's events are re-used; designed encounters go where they reduce the error of the balance's steady mean size most.
+    A run's events are re-used; designed encounters go where they reduce the error of the balance's steady mean size most, or
+    with --until-error that of one probability.
     """
     from mcdem.kernel_tables.tabulation import refuse_unwritable, tabulate
+    from mcdem.kernel_tables.until_error import tabulate_until
     from mcdem.monte_carlo import executors
     from mcdem.scene import load_scene
     from pbekit.progress import ProgressBar
@@ -99,31 +115,38 @@ def kernels(
         return
     file = output or Path(f"{loaded.name}.kernels.nc")
     refuse_unwritable(file, resume=resume, overwrite=overwrite)
-    with executors.opened(executor, workers, scheduler) as crew:
-        if not runs:
+    options: dict[str, Any] = {"aggregates_only": aggregates_only, "shape": shape, "shapes": shapes}
+    options |= {"seed": seed, "resume": resume, "overwrite": overwrite}
+    others: dict[str, Any] = {"error": error, "primaries": primaries, "sensitivity": sensitivity}
+    if until_error is not None:
+        refuse_beside(until_error, pair, others)
+    with executors.opened(executor, workers, scheduler) as crew, ExitStack() as bars:
+        if not runs and (until_error is None or pair != "1+1"):
             runs = [file.with_suffix(".run.nc")]
             run_first(loaded, runs[0], crew)
-        with ProgressBar("designed encounters", at_once=True) as progress:
-            done = tabulate(
-                loaded,
-                file,
-                runs,
-                encounters=encounters,
-                error=error,
-                primaries=primaries,
-                aggregates_only=aggregates_only,
-                shape=shape,
-                shapes=shapes,
-                sensitivity=sensitivity,
-                seed=seed,
-                executor=crew.executor,
-                resume=resume,
-                overwrite=overwrite,
-                progress=lambda now: progress(str(now), now.done),
-            )
+        progress = bars.enter_context(ProgressBar("designed encounters", at_once=True))
+        options |= {"executor": crew.executor, "progress": lambda now: progress(str(now), now.done)}
+        done: SoughtSummary | TableSummary
+        if until_error is not None:
+            options |= {"wanted": until_error, "pair": pair, "encounters": encounters or MOST_SAMPLED}
+            done = tabulate_until(loaded, file, runs or [], **options)
+        else:
+            done = tabulate(loaded, file, runs or [], encounters=encounters, **options, **others)
     typer.echo(str(done))
     if done.ended_by == "interruption":
         raise KeyboardInterrupt(f"{file} holds all that was computed: --resume goes on from there")
+
+
+def refuse_beside(until_error: str, pair: str, others: dict[str, object]) -> None:
+    """Refuse a form of --until-error or --pair that is not known, and options that say what else to sample."""
+    from mcdem.errors import UserError
+    from mcdem.kernel_tables.until_error import Wanted, sizes_of
+
+    Wanted.read(until_error)
+    sizes_of(pair)
+    given = [f"--{name}" for name, value in others.items() if value]
+    if given:
+        raise UserError(f"--until-error samples for one probability alone: leave out {' and '.join(given)}")
 
 
 def add_to_atlas(scene: Scene, runs: list[Path] | None, atlas: Path, output: Path | None) -> None:

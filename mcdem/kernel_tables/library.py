@@ -52,7 +52,12 @@ class Library:
 
     def draw(self, a: int, b: int, rng: np.random.Generator) -> tuple[int, int]:
         """An aggregate of each class, the pair in proportion to its flux."""
-        one, other = self.members[a], self.members[b]
+        return self.draw_of(self.members[a], self.members[b], rng)
+
+    def draw_of(
+        self, one: NDArray[np.intp], other: NDArray[np.intp], rng: np.random.Generator
+    ) -> tuple[int, int]:
+        """One of these aggregates and one of those, the pair in proportion to its flux."""
         most = (self.outer_radius[one].max() + self.outer_radius[other].max()) ** 3
         while True:
             i, j = rng.choice(one), rng.choice(other)
@@ -70,7 +75,9 @@ def _shapes(
     return aspect_ratio(semi_axes(moments, radius)), np.sqrt(moments.sum(axis=1)), outer
 
 
-def record_of(first: Aggregate, second: Aggregate, result: EncounterResult, radius: float) -> Records:
+def record_of(
+    first: Aggregate, second: Aggregate, result: EncounterResult, radius: float, weight: float = 1.0
+) -> Records:
     """One designed encounter."""
     everyone = [first, second, *result.products]
     ratios, gyration, outer = _shapes(everyone, radius)
@@ -92,4 +99,5 @@ def record_of(first: Aggregate, second: Aggregate, result: EncounterResult, radi
         product_aspect_ratio=ratios[2:],
         product_outer_radius=outer[2:],
         product_radius_of_gyration=gyration[2:],
+        weight=np.array([weight]),
     )

@@ -38,6 +38,8 @@ DESIGNED_EPOCH = 1 << 40
 
 CHECKPOINT_EVERY = 60.0
 """Longest time between two writings of the table [s]."""
+WANTED = ("until_error_of", "until_error_pair")
+"""Attributes of a table whose designed encounters were drawn for one probability of one pair of sizes (`until_error`)."""
 
 
 @dataclass(frozen=True)
@@ -144,24 +146,17 @@ def tabulate(
     if shape not in SHAPES:
         raise UserError(f'shape = "{shape}": expected one of {", ".join(SHAPES)}')
     refuse_unwritable(path, resume=resume, overwrite=overwrite)
-    opened = [RunDataset(p) for p in runs]
-    for run in opened:
-        differs = same_physics(scene, run.scene)
-        if differs and not aggregates_only:
-            raise UserError(
-                f"{run.path}: was run with another [{differs}] than {scene.name}; its events do not apply here: "
-                "add --aggregates-only to use its aggregates alone"
-            )
+    opened = opened_for(scene, runs, aggregates_only=aggregates_only)
     started = clock.monotonic()
     with FILES.locked(path), endings.Deferred() as interruption:
         with interruption.allowed(), endings.keeping("nothing was computed, nothing written"):
             reused = Records.join([] if aggregates_only else [records_of_run(run) for run in opened])
-            base = _classes(scene, opened, reused, shape, shapes, seed)
+            base = classes(scene, opened, reused, shape, shapes, seed)
             if sensitivity is not None:
                 powers = json.dumps(sensitivities(scene, sensitivity))
                 base = replace(base, about={**base.about, "sensitivities": powers})
             designed, machines = (
-                _designed(path, base) if resume and path.exists() else (Records.empty(), Machines())
+                designed_before(path, base) if resume and path.exists() else (Records.empty(), Machines())
             )
             library = Library.of(opened, base)
         parts = [designed] if len(designed) else []
@@ -265,7 +260,7 @@ def refuse_unwritable(path: Path, *, resume: bool, overwrite: bool) -> None:
     FILES.check(path, TABLE)
 
 
-def _classes(
+def classes(
     scene: Scene, runs: Sequence[RunDataset], reused: Records, shape: str, shapes: int, seed: int
 ) -> KernelTable:
     """An empty table whose classes fit what the runs saw."""
@@ -296,14 +291,27 @@ def _classes(
     ).with_records(Records.empty())
 
 
-def _designed(path: Path, base: KernelTable) -> tuple[Records, Machines]:
+def opened_for(scene: Scene, runs: Sequence[Path | str], *, aggregates_only: bool) -> list[RunDataset]:
+    """Datasets of runs whose events apply to a scene; any, where only their aggregates are used."""
+    opened = [RunDataset(p) for p in runs]
+    for run in opened:
+        differs = same_physics(scene, run.scene)
+        if differs and not aggregates_only:
+            raise UserError(
+                f"{run.path}: was run with another [{differs}] than {scene.name}; its events do not apply here: "
+                "add --aggregates-only to use its aggregates alone"
+            )
+    return opened
+
+
+def designed_before(path: Path, base: KernelTable) -> tuple[Records, Machines]:
     """The designed encounters of a table begun before and who computed them, if it is of the same scene, seed and classes."""
     try:
         old = KernelTable.load(path)
     except PBEError as problem:
         raise DataFileError(str(problem)) from None
-    for key in ("scene", "seed", "runs"):
-        if old.about.get(key) != base.about[key]:
+    for key in ("scene", "seed", "runs", *WANTED):
+        if old.about.get(key, "") != base.about.get(key, ""):
             raise DataFileError(
                 f"{path}: was begun with another {key}; give the same, or replace it with --overwrite"
             )

@@ -311,7 +311,7 @@ Encounter = Callable[..., "EncounterResult"]
 def computation(
     scene: Scene, encounter: Encounter, seed: int, executor: Executor
 ) -> Callable[..., EncounterResult]:
-    """The function (first, second, epoch, number) -> result, in a form fit for the executor."""
+    """The function (first, second, epoch, number) -> result, in a form fit for the executor; options go on to the encounter."""
     if isinstance(executor, Here):
         return partial(_compute, scene, encounter, seed)
     return partial(_compute_packed, pickle.dumps((scene, encounter, seed)))
@@ -325,15 +325,16 @@ def _compute(
     second: Aggregate,
     epoch: int,
     number: int,
+    **options: Any,
 ) -> EncounterResult:
-    result = encounter(scene, first, second, seed=stream(seed, "encounter", epoch, number))
+    result = encounter(scene, first, second, seed=stream(seed, "encounter", epoch, number), **options)
     return replace(result, machine=machine())
 
 
 def _compute_packed(
-    packed: bytes, first: Aggregate, second: Aggregate, epoch: int, number: int
+    packed: bytes, first: Aggregate, second: Aggregate, epoch: int, number: int, **options: Any
 ) -> EncounterResult:
-    return _compute(*_unpacked(packed), first, second, epoch, number)
+    return _compute(*_unpacked(packed), first, second, epoch, number, **options)
 
 
 @lru_cache(maxsize=8)

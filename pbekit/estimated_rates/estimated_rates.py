@@ -1,7 +1,8 @@
 """From tabulated encounters to the rates of a balance.
 
-Everything here is a function of one weight per encounter.  Weights of one give the mean; weights drawn from the
-exponential distribution give a draw of the posterior (the Bayesian bootstrap, Rubin 1981), in which outcomes of a pair
+Everything here is a function of one weight per encounter.  Weights of one (the table's own, where encounters were drawn by
+importance) give the mean; these times weights drawn from the exponential distribution give a draw of the posterior (the Bayesian
+bootstrap, Rubin 1981), in which outcomes of a pair
 of classes are Dirichlet and every draw is physical: probabilities add to one, products have exactly their parents' mass.
 Encounters that shape several rates at once keep them consistent within a draw.
 
@@ -243,7 +244,8 @@ class EstimatedRates:
             memory and grid.shapes > 1,
         )
         kind = kind_of(table.records.outcome)
-        self.unresolved = float(np.mean(kind < 0)) if len(kind) else 0.0
+        total = table.records.weight.sum()
+        self.unresolved = float(table.records.weight[kind < 0].sum() / total) if total > 0 else 0.0
         resolved = table.records.select(kind >= 0)
         if grid.shapes == 1 and table.shape_edges is not None:
             # One mean shape per size: outcomes of all shapes count, in the proportion in which they met.
@@ -287,7 +289,9 @@ class EstimatedRates:
         features = self._features = LogisticLaw.features(*r.size.T, *shape.T)
         seen = np.bincount(table.pair, minlength=table.pairs)
         for f in range(features.shape[1]):
-            mean = np.bincount(table.pair, features[:, f], table.pairs) / np.maximum(seen, 1)
+            met = np.bincount(table.pair, r.weight, table.pairs)
+            total = np.bincount(table.pair, r.weight * features[:, f], table.pairs)
+            mean = total / np.where(met > 0, met, 1.0)
             self._class_features[:, f] = np.where(seen > 0, mean, self._class_features[:, f])
         self.trials = seen
         shape_of_cell = np.where(grid.shape_of_cell < 0, np.nan, grid.shape)
@@ -300,13 +304,19 @@ class EstimatedRates:
     @cached_property
     def law(self) -> LogisticLaw:
         """What smoothly depends on sizes and shapes in the outcomes; fitted when it is asked for."""
-        return LogisticLaw.fit(self._features, self.kind)
+        return LogisticLaw.fit(self._features, self.kind, weight=self._own_weight)
+
+    @property
+    def _own_weight(self) -> np.ndarray | None:
+        """(n,) weights of the table; None where all encounters count alike."""
+        return self.records.weight if self.records.weighted else None
 
     @cached_property
     def strength(self) -> float:
         """Pseudo-encounters of the law per pair of classes, by the marginal likelihood of the classes' counts."""
         table = self.table
-        counts = np.bincount(table.pair * 3 + self.kind, minlength=3 * table.pairs).reshape(-1, 3)
+        place = table.pair * 3 + self.kind
+        counts = np.bincount(place, self._own_weight, 3 * table.pairs).reshape(-1, 3)
         law = np.maximum(self.law(self._class_features), 1e-12)
         used = counts.sum(axis=1) > 0
 
@@ -453,7 +463,7 @@ class EstimatedRates:
         """(K,) mean R_g [m] of each cell; nan where the table recorded none."""
         reduced = self.records.radius_of_gyration.ravel() / np.sqrt(self.records.size.ravel())
         known = np.isfinite(reduced)
-        w = self._per_aggregate * known
+        w = np.repeat(self.records.weight, 2) * self._per_aggregate * known
         with np.errstate(invalid="ignore"):
             mean = (self._radii @ (w * np.nan_to_num(reduced))) / (self._radii @ w)
         return np.sqrt(self.grid.mass) * mean
@@ -576,9 +586,9 @@ class EstimatedRates:
     # -- the balance ----------------------------------------------------------------------------------------------
 
     def weights(self, rng: np.random.Generator | None) -> np.ndarray:
-        """(n,) one for the mean, exponential for a draw."""
-        n = len(self.records)
-        return np.ones(n) if rng is None else rng.standard_exponential(n)
+        """(n,) those of the table for the mean, times exponential ones for a draw."""
+        own = self.records.weight
+        return own if rng is None else own * rng.standard_exponential(len(own))
 
     def encounter_rate(self, weight: np.ndarray) -> np.ndarray:
         """(K, K) f_ij = (4/3) g <(R_i + R_j)^3> [m^3/s] (the paper's Eq. 1, averaged over each cell)."""
@@ -614,12 +624,12 @@ class EstimatedRates:
 
     @cached_property
     def mean_rates(self) -> Rates:
-        """Rates with weights of one."""
+        """Rates with the weights of the table."""
         return self.rates()
 
     @cached_property
     def mean(self) -> PopulationBalance:
-        """The balance with weights of one."""
+        """The balance with the weights of the table."""
         return self.balance()
 
     # -- what it rests on -----------------------------------------------------------------------------------------

@@ -47,8 +47,14 @@ class LogisticLaw:
         )
 
     @classmethod
-    def fit(cls, features: np.ndarray, kind: np.ndarray, kinds: int = 3) -> LogisticLaw:
-        """Posterior mode by Newton's method."""
+    def fit(
+        cls, features: np.ndarray, kind: np.ndarray, kinds: int = 3, weight: np.ndarray | None = None
+    ) -> LogisticLaw:
+        """Posterior mode by Newton's method.
+
+        weight : (n,) of each encounter.  Their likelihood counts as that of as many as carry it, (sum w)^2/sum w^2 (Kish 1965)
+        """
+        w = np.ones(len(features)) if weight is None else weight * (weight.sum() / (weight**2).sum())
         centre = features.mean(axis=0)
         scale = np.where(features.std(axis=0) > 1e-9, features.std(axis=0), 1.0)
         x = np.concatenate([np.ones((len(features), 1)), (features - centre) / scale], axis=1)
@@ -67,14 +73,14 @@ class LogisticLaw:
 
         def objective(flat: np.ndarray) -> tuple[float, np.ndarray]:
             p, norm, logit = probabilities(flat.tobytes())
-            value = norm.sum() - (one * logit).sum() + 0.5 * (ridge * flat**2).sum()
-            return value, (x.T @ (p - one)).T.ravel() + ridge * flat
+            value = (w * norm).sum() - (w[:, None] * one * logit).sum() + 0.5 * (ridge * flat**2).sum()
+            return value, (x.T @ (w[:, None] * (p - one))).T.ravel() + ridge * flat
 
         def hessian(flat: np.ndarray) -> np.ndarray:
             p, _, _ = probabilities(flat.tobytes())
             found = np.diag(ridge)
             for a, b in itertools.combinations_with_replacement(range(kinds - 1), 2):
-                block = x.T @ (x * (p[:, a] * ((a == b) - p[:, b]))[:, None])
+                block = x.T @ (x * (w * p[:, a] * ((a == b) - p[:, b]))[:, None])
                 found[a * m : (a + 1) * m, b * m : (b + 1) * m] += block
                 if a != b:
                     found[b * m : (b + 1) * m, a * m : (a + 1) * m] += block

@@ -29,7 +29,7 @@ def draw_table(table: KernelTable, path: Path) -> Path:
     shape = (table.sizes, table.sizes)
     both = np.concatenate([size, size[:, ::-1]])
     at = both[:, 0] * table.sizes + both[:, 1]
-    count = lambda mask: np.bincount(at, np.tile(mask, 2).astype(float), table.sizes**2).reshape(shape)
+    count = lambda mask: np.bincount(at, np.tile(mask * r.weight, 2), table.sizes**2).reshape(shape)
     trials = count(np.ones(len(r)))
     data = xr.Dataset(
         {

@@ -98,6 +98,11 @@ def outcome_law(
     outcome, small, large, shapes, cell = [], [], [], [], []
     pairs = 0
     for table, n in zip(tables, cohesion, strict=True):
+        if table.records.weighted:
+            raise PBEError(
+                "the table has encounters with weights (mcdem kernels --until-error), and the short forms of an export are "
+                "fitted to counts: use its rates (pbekit solve), or export a table made without --until-error"
+            )
         resolved = table.records.outcome != UNRESOLVED
         size = table.records.size[resolved].astype(float)
         x = _outcome_features(size[:, 0], size[:, 1])

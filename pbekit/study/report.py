@@ -11,10 +11,10 @@ import xarray as xr
 from pbekit.arguments import LEVEL
 from pbekit.estimated_rates.estimated_rates import EstimatedRates, grid_for, start_of
 from pbekit.study.compare import Comparison
-from pbekit.study.evidence import MOST_EXTRAPOLATED, supported_steady_state
+from pbekit.study.evidence import MOST_EXTRAPOLATED, breakups, supported_steady_state
 from pbekit.study.solve_table import extrapolated_from
 from pbekit.study.uncertainty import eta_11, mean_size_gradient, variance_shares
-from pbekit.tables.counts import share_in_words
+from pbekit.tables.counts import share_in_words, weighted_share
 from pbekit.tables.kernel_table import OUTCOMES, KernelTable
 
 
@@ -188,11 +188,26 @@ def stress_report(law: xr.Dataset, etas: xr.Dataset) -> list[str]:
     return lines
 
 
+def _broke(estimated: EstimatedRates) -> str:
+    """Share of the encounters that left more aggregates than entered, in words."""
+    r = estimated.records
+    if not r.weighted:
+        return share_in_words(breakups(estimated.table), len(r))
+    value, low, high = np.multiply(100, weighted_share(r.products > 2, r.weight))
+    return f"{value:.3g} % ({low:.3g} to {high:.3g} %)"
+
+
 def table_report(table: KernelTable, largest: int = 10) -> list[str]:
     """What a table holds, how sure its balance is, and which pairs of classes make its error; lines."""
     totals = table.counts.sum(axis=0)
     seen = ", ".join(f"{n} {o}" for n, o in zip(totals, OUTCOMES, strict=True) if n)
     lines = [f"{len(table.records)} encounters ({seen})"]
+    weight = table.records.weight
+    if table.records.weighted:
+        lines.append(
+            f"they carry weights of {weight.min():.2g} to {weight.max():.2g}: of what does not depend on offset they say as "
+            f"much as  {weight.sum() ** 2 / (weight**2).sum():.0f} that count alike"
+        )
     sampled = int((table.counts.sum(axis=1) > 0).sum())
     lines.append(
         f"{table.classes} classes of size and {table.shape_name}; {sampled} of {table.pairs} pairs sampled"
@@ -205,7 +220,7 @@ def table_report(table: KernelTable, largest: int = 10) -> list[str]:
     )
     estimated = EstimatedRates(table, grid_for(table))
     steady, evidence = supported_steady_state(estimated, start_of(estimated.grid, table))
-    lines.append(f"broke: {share_in_words(evidence.breakups, evidence.encounters)}")
+    lines.append(f"broke: {_broke(estimated)}")
     if steady is None:
         lines.append(evidence.refusal(table))
         return lines

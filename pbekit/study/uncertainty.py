@@ -22,7 +22,7 @@ from pbekit.estimated_rates.estimated_rates import JOIN, SCATTER, SURVIVE, Estim
 from pbekit.estimated_rates.logistic_law import LogisticLaw
 from pbekit.solution.solve import integrate
 from pbekit.solution.steady import NotReachedError, SteadyState, steady_state
-from pbekit.tables.counts import share_interval
+from pbekit.tables.counts import weighted_share
 from pbekit.tables.kernel_table import AGGREGATION, UNRESOLVED, KernelTable
 
 
@@ -208,11 +208,10 @@ def course_output(
 
 
 def eta_11(table: KernelTable) -> tuple[float, float, float]:
-    """Efficiency of two primaries: share that aggregated, and its 90 % interval (Wilson); nan and 0 to 1 without any pair."""
+    """Efficiency of two primaries: share that aggregated, and its 90 % interval (`weighted_share`); nan without any pair."""
     r = table.records
     pair = (r.size == 1).all(axis=1) & (r.outcome != UNRESOLVED)
-    n, k = int(pair.sum()), int((r.outcome[pair] == AGGREGATION).sum())
-    return (k / n if n else np.nan), *share_interval(k, n)
+    return weighted_share(r.outcome[pair] == AGGREGATION, r.weight[pair])
 
 
 def mean_size_gradient(balance: PopulationBalance, n: np.ndarray) -> np.ndarray:
@@ -317,7 +316,7 @@ def variance_shares(estimated: EstimatedRates, steady: SteadyState, gradient: np
             ),
         )
     else:
-        effective = estimated.trials + estimated.strength
+        effective = np.bincount(table.pair, weight, table.pairs) + estimated.strength
         surprise = (gain - (p * gain).sum(axis=1, keepdims=True)) / effective[:, None]
         per_encounter += surprise[table.pair, estimated.kind]
         prior = estimated.strength * estimated.law(estimated._class_features)
@@ -327,7 +326,7 @@ def variance_shares(estimated: EstimatedRates, steady: SteadyState, gradient: np
             estimated, lambda law: float((lean * law(estimated._class_features) * gain).sum())
         )
     per_encounter[estimated.scattered] += _fragment_slopes(estimated, balance, value, met, p)
-    of_pair = np.bincount(table.pair, per_encounter**2, table.pairs) + of_prior
+    of_pair = np.bincount(table.pair, (weight * per_encounter) ** 2, table.pairs) + of_prior
     return VarianceShares(of_pair, of_law, flux, estimated)
 
 
@@ -394,9 +393,10 @@ def _fragment_slopes(
     variant = enc.products.slot[enc.products.row[enc.row[1, -1]]] // (grid.sizes + g.tail)
     slot = np.append(_slot_values(balance, value)[variant], [0.0, 0.0])
     near, fragments = estimated._fragment_norm, estimated._fragments
-    norm = near @ np.ones(estimated.scattered.size)
+    weight = estimated.records.weight[estimated.scattered]
+    norm = near @ weight
     per_event = fragments.T @ (np.repeat(flux / norm, slot.size) * np.tile(slot, len(flux)))
-    mean = (fragments @ np.ones(estimated.scattered.size)).reshape(len(flux), -1) @ slot / norm
+    mean = (fragments @ weight).reshape(len(flux), -1) @ slot / norm
     return per_event - near.T @ (flux / norm * mean)
 
 

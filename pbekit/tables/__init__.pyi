@@ -1,5 +1,6 @@
 from .counts import count_interval as count_interval
 from .counts import share_interval as share_interval
+from .counts import weighted_share as weighted_share
 from .kernel_table import AGGREGATION as AGGREGATION
 from .kernel_table import OUTCOMES as OUTCOMES
 from .kernel_table import SHAPES as SHAPES

@@ -84,6 +84,11 @@ class Part:
         if table.shape_name != "aspect ratio":
             raise PBEError(f"the table has shapes by {table.shape_name}, the atlas is by aspect ratio")
         r = table.records
+        if r.weighted:
+            raise PBEError(
+                "the table has encounters with weights (mcdem kernels --until-error), the atlas holds counts: give it runs, or "
+                "a table made without --until-error"
+            )
         sizes = np.clip(np.searchsorted(SIZE_EDGES, r.size, side="right") - 1, 0, _S - 1)
         a, b = sizes.min(axis=1), sizes.max(axis=1)
         ratio = np.where(r.size > 2, np.nan_to_num(r.aspect_ratio, nan=1.0), np.where(r.size == 2, 2.0, 1.0))

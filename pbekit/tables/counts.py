@@ -38,6 +38,48 @@ def share_interval(count: int, trials: int, level: float = LEVEL) -> tuple[float
     return float(found.low), float(found.high)
 
 
+def weighted_share(hit: np.ndarray, weight: np.ndarray, level: float = LEVEL) -> tuple[float, float, float]:
+    """Share of encounters with their weights, and its interval: Wilson's of as many trials as leave the same variance.
+
+    The variance of p = sum w h/sum w is sum w^2 (h - p)^2/(sum w)^2, to first order.  What strata took away from it is
+    left out, so the interval is on the safe side.  Where all count alike it is `share_interval`.
+
+    Parameters
+    ----------
+    hit : (n,) array of bool
+        Which had the outcome.
+    weight : (n,) array
+        Of each.
+    level : float
+        Of the interval [-].
+
+    Returns
+    -------
+    (float, float, float)
+        The share and the ends of its interval [-]; nan and 0 to 1 without any weight.
+
+    Examples
+    --------
+    >>> from pbekit.tables import weighted_share
+    >>> value, low, high = weighted_share(np.array([True, True, False, False]), np.array([0.5, 0.5, 1.5, 1.5]))
+    >>> value
+    0.25
+    """
+    hit, weight = np.asarray(hit, bool), np.asarray(weight, float)
+    total = weight.sum()
+    if not total > 0.0:
+        return np.nan, 0.0, 1.0
+    if (weight == 1.0).all():
+        return float(hit.mean()), *share_interval(int(hit.sum()), hit.size, level)
+    p = float(weight[hit].sum() / total)
+    variance = float((weight**2 * (hit - p) ** 2).sum() / total**2)
+    trials = p * (1.0 - p) / variance if 0.0 < p < 1.0 else total**2 / float((weight**2).sum())
+    z = stats.norm.ppf(0.5 * (1.0 + level))
+    middle, half = p + z**2 / (2 * trials), z * np.sqrt(p * (1 - p) / trials + z**2 / (4 * trials**2))
+    norm = 1.0 + z**2 / trials
+    return p, float(max((middle - half) / norm, 0.0)), float(min((middle + half) / norm, 1.0))
+
+
 def share_limit(trials: int, level: float = 0.95) -> float:
     """The probability that an outcome not seen in `trials` stays below, at this one-sided level (Clopper & Pearson 1934)."""
     return 1.0 if trials == 0 else float(1.0 - (1.0 - level) ** (1.0 / trials))

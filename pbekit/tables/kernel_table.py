@@ -9,7 +9,10 @@ Layout of KERNELS.nc (every variable carries `units` and `long_name`)
                one row per product (ragged, CF contiguous): size, primaries from the first parent, shape, R, R_g
     attributes of the root: scene (TOML text), seed, radius, shear_rate, viscosity, volume_fraction (SI), command, format
 
-Within a pair of classes, encounters are those of a uniform flux over the cross section of radius R_i + R_j.
+Within a pair of classes, encounters are those of a uniform flux over the cross section of radius R_i + R_j, each with its weight.
+Where encounters were drawn by importance their weights differ (`weight` in /records, format 2, which older versions refuse):
+means over the encounters with their weights are those of the flux.  Then `trials` and `count` say how many were seen, and
+`weight_sum` is what they stand for.
 """
 
 from __future__ import annotations
@@ -27,7 +30,8 @@ from numpy.typing import ArrayLike
 from pbekit.errors import PBEError
 from pbekit.outputs import FILES, TABLE
 
-FORMAT = 1
+FORMAT, WEIGHTED_FORMAT = 1, 2
+"""Of tables whose encounters all count alike, and of those in which they carry weights."""
 SMALL = 4096
 """Bytes of a variable that is stored as it is."""
 EXPECTED = "a kernel table; make one with mcdem kernels"
@@ -62,6 +66,7 @@ class Records:
     size (n, 2) primaries of both parents; aspect_ratio, outer_radius [m], radius_of_gyration [m] (n, 2)
     offset (n, 2) [m]; outcome (n,) index of OUTCOMES; source (n,) index of SOURCES; time (n,) [s] of the run, nan if
     designed; solves (n,) evaluations of the hydrodynamics; cpu_time (n,) [s]
+    weight (n,) how many encounters of a uniform flux each stands for, ones if None is given
     products (n,) number of products; product_* (m,) in the order of the encounters; product_from_first: primaries that
     came from the first parent.  Survivors of `missed` and `parted` are their parents again, in any order; products of
     `unresolved` are the parents.
@@ -93,8 +98,11 @@ class Records:
     product_aspect_ratio: np.ndarray
     product_outer_radius: np.ndarray
     product_radius_of_gyration: np.ndarray
+    weight: np.ndarray = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
+        if self.weight is None:
+            object.__setattr__(self, "weight", np.ones(len(self.outcome)))
         integer = ("size", "outcome", "source", "solves", "products", "product_size", "product_from_first")
         for f in fields(self):
             value = np.asarray(getattr(self, f.name))
@@ -120,11 +128,18 @@ class Records:
                 f"records: encounter {e} ({OUTCOMES[self.outcome[e]]}) of {self.size[e]} primaries has products "
                 f"of {after[e]:g}; primaries must be conserved"
             )
+        if not (np.isfinite(self.weight) & (self.weight > 0)).all():
+            raise PBEError("records: a weight is not a positive number")
         if n and (self.outcome.min() < 0 or self.outcome.max() >= len(OUTCOMES)):
             raise PBEError(f"records: outcome out of range 0 ... {len(OUTCOMES) - 1}")
 
     def __len__(self) -> int:
         return len(self.outcome)
+
+    @cached_property
+    def weighted(self) -> bool:
+        """Whether some count more than others."""
+        return bool((self.weight != 1.0).any())
 
     @cached_property
     def encounter_of_product(self) -> np.ndarray:
@@ -235,6 +250,7 @@ COLUMNS = {
     "time": ("s", "process time in the run"),
     "solves": ("1", "evaluations of the hydrodynamics within the encounter"),
     "cpu_time": ("s", "processor time of the encounter"),
+    "weight": ("1", "encounters of a uniform flux that this one stands for"),
     "products": ("1", "aggregates that left the encounter"),
     "product_size": ("1", "primary particles of each product"),
     "product_from_first": ("1", "primary particles that came from the first parent"),
@@ -418,6 +434,13 @@ class KernelTable:
         )
         return found.reshape(self.pairs, len(OUTCOMES))
 
+    @cached_property
+    def weight_sums(self) -> np.ndarray:
+        """(pairs, outcomes) sums of the weights of the encounters of each outcome."""
+        at = self.pair * len(OUTCOMES) + self.records.outcome
+        found = np.bincount(at, self.records.weight, self.pairs * len(OUTCOMES))
+        return found.reshape(self.pairs, len(OUTCOMES))
+
     def square(self, per_pair: np.ndarray) -> np.ndarray:
         """(C, C, ...) symmetric array from one value per unordered pair."""
         b, a = np.tril_indices(self.classes)
@@ -429,7 +452,7 @@ class KernelTable:
     # -- what else the file shows ------------------------------------------------------------------------------------
 
     def fragments(self, bins: int = 20) -> tuple[np.ndarray, np.ndarray]:
-        """(pairs, bins) mass-weighted density over x (integral one where there are any) and counts of fragments."""
+        """(pairs, bins) mass-weighted density over x (integral one where there are any) and fragments that were seen."""
         r = self.records
         rows = np.isin(r.outcome, SCATTERED)[r.encounter_of_product]
         e = r.encounter_of_product[rows]
@@ -437,7 +460,7 @@ class KernelTable:
         at = self.pair[e] * bins + np.minimum((x * bins).astype(int), bins - 1)
         count = np.bincount(at, minlength=self.pairs * bins).reshape(self.pairs, bins)
         # Counted from nothing, numpy answers in whole numbers, weights or not.
-        mass = np.bincount(at, x, self.pairs * bins).astype(float).reshape(self.pairs, bins)
+        mass = np.bincount(at, x * r.weight[e], self.pairs * bins).astype(float).reshape(self.pairs, bins)
         total = mass.sum(axis=1, keepdims=True)
         return np.divide(mass * bins, total, out=np.zeros_like(mass), where=total > 0), count
 
@@ -448,9 +471,12 @@ class KernelTable:
         use = (kind >= 0) & (r.product_size > 2)
         shape = self.shape_class(r.product_shape(self.shape_name, self.radius))
         at = (kind * self.sizes + self.size_class(r.product_size)) * self.shapes + shape
-        return np.bincount(at[use], minlength=3 * self.sizes * self.shapes).reshape(
-            3, self.sizes, self.shapes
-        )
+        return self._sums(at[use], r.encounter_of_product[use], (3, self.sizes, self.shapes))
+
+    def _sums(self, at: np.ndarray, encounter: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+        """Weights of encounters summed by place, whole numbers where they all count alike."""
+        weight = self.records.weight[encounter] if self.records.weighted else None
+        return np.bincount(at, weight, int(np.prod(shape))).reshape(shape)
 
     def shape_changes(self) -> np.ndarray:
         """(S, shapes, shapes) survivors by size class, shape before, shape after."""
@@ -459,14 +485,14 @@ class KernelTable:
         after = self.shape_class(r.product_shape(self.shape_name, self.radius))
         kept = (r.survivors >= 0) & (r.size > 2)
         at = (self.size_class(r.size) * self.shapes + before) * self.shapes + after[r.survivors]
-        length = self.sizes * self.shapes**2
-        return np.bincount(at[kept], minlength=length).reshape(self.sizes, self.shapes, self.shapes)
+        return self._sums(at[kept], np.nonzero(kept)[0], (self.sizes, self.shapes, self.shapes))
 
     def radius_moments(self) -> np.ndarray:
-        """(C, 4) number of parents in each class, and means of R [m], R^2, R^3."""
+        """(C, 4) number of parents in each class, or the sum of their weights, and means of R [m], R^2, R^3."""
         k, radius = self.parent_class.ravel(), self.records.outer_radius.ravel()
-        sums = [np.bincount(k, radius**p, self.classes) for p in range(4)]
-        seen = np.maximum(sums[0], 1)
+        weight = np.repeat(self.records.weight, 2)
+        sums = [np.bincount(k, weight * radius**p, self.classes) for p in range(4)]
+        seen = np.where(sums[0] > 0, sums[0], 1.0)
         return np.stack([sums[0], *(s / seen for s in sums[1:])], axis=1)
 
     # -- the file ----------------------------------------------------------------------------------------------------
@@ -537,12 +563,15 @@ class KernelTable:
             attrs={
                 **self.about,
                 "title": "Outcomes of encounters of colloidal aggregates, by class",
-                "format": FORMAT,
+                "format": WEIGHTED_FORMAT if self.records.weighted else FORMAT,
                 "radius": self.radius,
                 "shear_rate": self.shear_rate,
                 "shape_name": self.shape_name,
             },
         )
+        if self.records.weighted:
+            note = {"units": "1", "long_name": "sums of the weights of the encounters of each outcome"}
+            data["weight_sum"] = ((*pair, "outcome"), self.square(self.weight_sums), note)
         if self.shape_edges is not None:
             note = {"units": "1", "long_name": SHAPES[self.shape_name]}
             data["shape_edges"] = ("shape_edge", self.shape_edges, note)
@@ -553,6 +582,8 @@ class KernelTable:
         r = self.records
         columns = {}
         for name, (units, words) in COLUMNS.items():
+            if name == "weight" and not r.weighted:
+                continue
             value = getattr(r, name)
             dims: tuple[str, ...] = ("product",) if name.startswith("product_") else ("encounter",)
             if value.ndim == 2:
@@ -586,14 +617,18 @@ class KernelTable:
             with xr.open_dataset(path) as root, xr.open_dataset(path, group="records") as rows:
                 root.load()
                 rows.load()
-            missing = [name for name in COLUMNS if name not in rows]
+            weighted = root.attrs.get("format") == WEIGHTED_FORMAT
+            names = [name for name in COLUMNS if weighted or name != "weight"]
+            missing = [name for name in names if name not in rows]
             if missing or "size_edges" not in root:
                 raise PBEError(
                     f"{path}: no kernel table, lacks {', '.join(missing) or 'size_edges'}; expected {EXPECTED}"
                 )
-            if root.attrs.get("format") != FORMAT:
-                raise PBEError(f"{path}: format {root.attrs.get('format')}, this version reads {FORMAT}")
-            records = Records(**{name: rows[name].values for name in COLUMNS})
+            if not weighted and root.attrs.get("format") != FORMAT:
+                raise PBEError(
+                    f"{path}: format {root.attrs.get('format')}, this version reads {FORMAT} and {WEIGHTED_FORMAT}"
+                )
+            records = Records(**{name: rows[name].values for name in names})
             if (records.products < 0).any() or records.products.sum() != len(records.product_size):
                 raise ValueError("products of encounters and their numbers do not fit")
             own = ("title", "format", "radius", "shear_rate", "shape_name", "software", "checksum")

@@ -8,12 +8,14 @@ from __future__ import annotations
 import math
 import os
 import time
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from mcdem.aggregates.aggregate import Aggregate
 from mcdem.encounter.simulate import EncounterResult
+from mcdem.quantities.linear_flows import draw_offset
 from mcdem.scene import Scene
 
 SCENE = """\
@@ -185,3 +187,26 @@ def restless(scene: Scene, first: Aggregate, second: Aggregate, seed: np.random.
     if first.size + second.size <= 8 and seed.random() < 0.3:
         return merged(first, second, radius)
     return missed(*((chain if seed.random() < 0.5 else compact)(a.size, radius) for a in (first, second)))
+
+
+def captured_share(offset: tuple[float, float], reach: float) -> float:
+    """A known efficiency: largest for small y, and the less the further out in x."""
+    x, y = offset[0] / reach, offset[1] / reach
+    return 0.35 * math.exp(-((y / 0.25) ** 4)) * (1.0 - x * x)
+
+
+def by_offset(
+    scene: Scene,
+    first: Aggregate,
+    second: Aggregate,
+    offset: tuple[float, float] | None = None,
+    seed: np.random.Generator | None = None,
+) -> EncounterResult:
+    """Pairs merge with the probability `captured_share` at their offset, drawn by the flux if none is given."""
+    assert seed is not None
+    radius = scene.suspension.radius
+    reach = first.outer_radius(radius) + second.outer_radius(radius)
+    offset = draw_offset(scene.flow, reach, seed) if offset is None else offset
+    hit = seed.random() < captured_share(offset, reach)
+    found = merged(first, second, radius) if hit else missed(first, second)
+    return replace(found, offset=offset, cpu_time=1.0)
