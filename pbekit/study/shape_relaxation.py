@@ -172,7 +172,7 @@ def _logarithms(rates: SizeRates) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _happening(rates: SizeRates) -> np.ndarray:
-    """(n,) how often each encounter stands for one of the population: its pair of classes meets so often, over its trials."""
+    """(n,) how often each encounter stands for one of the population: so often its pair of classes meets, over its trials."""
     first, table = rates.first_order, rates.table
     assert first is not None
     n = first.population
@@ -183,8 +183,9 @@ def _happening(rates: SizeRates) -> np.ndarray:
     own = table.size_class(table.records.size)
     a, b = own.min(axis=1), own.max(axis=1)
     trials = np.zeros((many, many))
-    np.add.at(trials, (a, b), 1.0)
-    return np.asarray(met[a, b] / trials[a, b])
+    weight = table.records.weight
+    np.add.at(trials, (a, b), weight)
+    return np.asarray(weight * met[a, b] / trials[a, b])
 
 
 def _mean(value: np.ndarray, weight: np.ndarray) -> float:

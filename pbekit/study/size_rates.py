@@ -213,7 +213,9 @@ def size_rates(
         ("efficiency", "aggregation_rate", JOIN),
         ("breakup", "breakup_rate", SCATTER),
     ):
-        limits[probability] = _counted(limits[probability], counts[..., kind], counts.sum(axis=-1))
+        # Of encounters with weights counts say nothing: limits are those of the draws.
+        if not estimated.records.weighted:
+            limits[probability] = _counted(limits[probability], counts[..., kind], counts.sum(axis=-1))
         own, f = limits[probability], mean.encounters
         limits[rate] = Limits(f * own.value, f * own.low, f * own.high)
     # One more event of unknown kind is allowed for: draws say nothing of sizes that no event near a pair gave.

@@ -186,3 +186,11 @@ def test_an_interval_of_weights_that_are_alike_is_wilsons():
     assert weighted_share(hit, np.ones(50)) == (0.14, *share_interval(7, 50))
     assert weighted_share(hit, np.full(50, 3.0)) == pytest.approx((0.14, *share_interval(7, 50)))
     assert np.isnan(weighted_share(hit[:0], np.ones(0))[0])
+
+
+def test_rates_by_size_hold_the_truth_of_a_weighted_table(scene, dataset, tmp_path):
+    """Limits are of draws with the weights: counts alike would put them far above."""
+    make(scene, tmp_path / "k.nc", "10%", runs=[dataset], pair=(2, 2), aggregates_only=True)
+    rates = size_rates(KernelTable.load(tmp_path / "k.nc"), draws=60)
+    k = int(np.flatnonzero(rates.pivots == 2)[0])
+    assert rates.efficiency.low[k, k] < TRUTH < rates.efficiency.high[k, k] < 2 * TRUTH
