@@ -136,7 +136,22 @@ class Sought:
 class SoughtSummary:
     """What a call of `tabulate_until` left.
 
-    ended_by : "error", "encounters" or "interruption"
+    Parameters
+    ----------
+    path : Path
+        The table.
+    sought : Sought
+        What is known of the wanted probability: `found` has it with its error and interval.
+    ended_by : str
+        "error", "encounters" or "interruption".
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import mcdem
+    >>> from mcdem.kernel_tables.until_error import Sought, Wanted
+    >>> print(mcdem.SoughtSummary(Path("pair.nc"), Sought(Wanted.read("eta=5%"), (1, 1), 100, 0.7, None), "encounters"))
+    pair.nc: 100 encounters of 1 + 1, 0.7 s of CPU; ended by encounters
     """
 
     path: Path
@@ -243,6 +258,15 @@ def tabulate_until(
     ------
     UserError
         Of a form of `wanted` or `pair` that is not known, and sizes of which the runs hold no aggregate.
+
+    Examples
+    --------
+    >>> import mcdem
+    >>> scene = mcdem.load_scene("scenes/paper-1000Pa.toml")
+    >>> mcdem.tabulate_until(scene, "pair.nc", wanted="eta=5", pair="1+1")
+    Traceback (most recent call last):
+    mcdem.errors.UserError: --until-error "eta=5": expected such as "eta=5%" or "breakup=10%": the relative standard error ...
+    >>> found = mcdem.tabulate_until(scene, "pair.nc", wanted="eta=5%", pair="1+1").sought.found  # doctest: +SKIP
     """
     path, seed = Path(output), checked(scene.run.seed if seed is None else seed)
     aim = Wanted.read(wanted)

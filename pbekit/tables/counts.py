@@ -60,6 +60,7 @@ def weighted_share(hit: np.ndarray, weight: np.ndarray, level: float = LEVEL) ->
 
     Examples
     --------
+    >>> import numpy as np
     >>> from pbekit.tables import weighted_share
     >>> value, low, high = weighted_share(np.array([True, True, False, False]), np.array([0.5, 0.5, 1.5, 1.5]))
     >>> value
