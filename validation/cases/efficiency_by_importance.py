@@ -57,7 +57,7 @@ def of_table(path: Path) -> dict[str, float]:
 def plain() -> list[float]:
     """Encounters of 10 + 10 in the run at 1000 Pa, drawn by the flux: share that aggregated, its error, their number."""
     from mcdem.analysis.dataset import RunDataset
-    from mcdem.kernel_tables import records_of_run
+    from mcdem.kernel_tables.runs import records_of_run
     from pbekit.tables.kernel_table import AGGREGATION
 
     r = records_of_run(RunDataset(datasets.SERIES))
@@ -107,7 +107,7 @@ CASE = Case(
     measure=measure,
     judge=judge,
     inputs=lambda context: (datasets.BY_IMPORTANCE, datasets.SERIES),
-    saved=lambda context: (datasets.BY_IMPORTANCE,),
+    saved=lambda context: (datasets.BY_IMPORTANCE, datasets.SERIES),
     anew="the table of 1 + 1 and its exact efficiency",
     seen=("weights_lost",),
 )
