@@ -224,6 +224,9 @@ def main(
     paper: Annotated[int, typer.Option(min=0, help="How many of them by the paper's scheme too.")] = 20,
     seed: Annotated[int, typer.Option(min=0)] = 1,
     workers: Annotated[int, typer.Option(min=1)] = 1,
+    anew: Annotated[
+        bool, typer.Option("--anew", help="Follow those by default once more, as the engine has changed.")
+    ] = False,
 ) -> None:
     """Follow encounters of a population with and without shortcuts, and print how they agree."""
     try:
@@ -234,6 +237,8 @@ def main(
                 raise UserError(f"{out}: holds a sample of another scene or seed; choose another file")
         else:
             data = store(draw_pairs(asked, [run], encounters, seed), asked, run, seed)
+        if anew:
+            data["outcome"].values[WAYS.index("default")] = -1
         try:
             complete(data, paper, workers, lambda: save(data, out), lambda line: print(line, flush=True))
         finally:
