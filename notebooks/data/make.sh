@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Makes the data of the notebooks: runs of the paper's suspension, compressed, and what is derived from them.
 #
-#     bash notebooks/data/make.sh WORK [STEP...]        steps: runs changed tables atlas sensitivity paper_scheme; all by default
+#     bash notebooks/data/make.sh WORK [STEP...]        steps: runs edges changed tables atlas sensitivity paper_scheme; all by default
 #
 # Whole runs and tables go to the folder WORK and are continued from there, so it may be stopped at any time and called again;
 # results go to WORK/data. Two runs at a time need about four hours in all; JOBS=8 makes it eight at a time.
@@ -10,7 +10,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 scenes=$(cd "$here/../../scenes" && pwd)
 work=${1:?where the whole runs go}
 shift
-all='runs changed tables atlas sensitivity paper_scheme'
+all='runs edges changed tables atlas sensitivity paper_scheme'
 steps=${*:-$all}
 for step in $steps; do
     [[ " $all " == *" $step "* ]] || { echo "no step $step; expected some of: $all" >&2; exit 2; }
@@ -28,6 +28,11 @@ run-750Pa-of-100 750 100 1 108
 run-875Pa-of-100 875 100 1 135
 run-1250Pa 1250 200 1 150
 run-1500Pa-of-100 1500 100 1 200
+'
+# name, viscosity [cP], until [s]: stresses below and above, of which the atlas alone takes the counts
+edges='
+run-600Pa-of-100 60 26.2
+run-2000Pa-of-100 200 126.3
 '
 # name, the key of the scene that is switched (a sed expression)
 changed='
@@ -51,6 +56,13 @@ if [[ $steps == *runs* ]]; then
     grep . <<<"$runs" | while read -r name _; do
         mcdem compress "$name.nc" -o "data/$name.nc" --every "5 s" --overwrite
     done
+fi
+
+if [[ $steps == *edges* ]]; then
+    grep . <<<"$edges" | while read -r name viscosity until; do
+        sed -e "s/^initial = .*/initial = 100/" -e "s/^viscosity.*/viscosity = \"$viscosity cP\"/" "$scenes/paper-1000Pa.toml" >"$name.toml"
+        echo "$name.toml $name.nc 1 $until"
+    done | xargs -P "${JOBS:-2}" -L 1 bash -c 'follow "$@"' follow
 fi
 
 if [[ $steps == *changed* ]]; then
@@ -83,6 +95,9 @@ if [[ $steps == *atlas* ]]; then
     for run in run-*.nc; do
         stress=${run#run-} stress=${stress%%Pa*}
         mcdem kernels "$scenes/paper-${stress}Pa.toml" --from "$run" --into ../atlas.nc
+    done
+    for stress in 600 2000; do
+        (cd .. && mcdem kernels "run-${stress}Pa-of-100.toml" --from "run-${stress}Pa-of-100.nc" --into atlas.nc)
     done
 fi
 

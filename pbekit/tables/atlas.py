@@ -140,7 +140,7 @@ class Atlas:
     >>> import pbekit
     >>> atlas = pbekit.Atlas.load()  # the one that comes with the package
     >>> atlas.cohesion_numbers.round(3).tolist()
-    [0.319, 0.372, 0.426, 0.532, 0.638]
+    [0.255, 0.319, 0.372, 0.426, 0.532, 0.638, 0.851]
     """
 
     parts: tuple[Part, ...]
