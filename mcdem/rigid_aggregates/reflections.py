@@ -32,15 +32,18 @@ from mcdem.integrators.rotations import multiply, turn_back
 from mcdem.rigid_aggregates.responses import Response
 from mcdem.rigid_aggregates.statics import RigidBody, present_load
 
-CONVERGED = 1e-6
+CONVERGED = 1e-5
 """Change of either body's motion [a g, g] by one more reflection that ends them."""
 MOST_REFLECTIONS = 30
 FADED = 3.0
 """Gap in a beyond which the two-body part of a pair of one primary of each body is left out."""
 LONGEST_STEP = 0.4
 """Longest step in 1/g."""
-SHARE_OF_GAP = 0.25
-"""... and over the time in which the bodies would close the smallest gap and two radii."""
+SHARE_OF_GAP = 0.5
+"""... and over the time in which the bodies would close the smallest gap and two radii: after bodies of ten primaries have passed
+each other at a gap of a radius, they are within 1e-4 a of where a twentieth of both steps brings them."""
+
+
 # How a passage ended.
 APART = 0  # surely
 NEAR = 1  # two primaries came closer than the margin
