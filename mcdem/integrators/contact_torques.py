@@ -236,9 +236,7 @@ def solve(motion, contacts, gaps, step, physics, work):
         for b in range(contacts):
             i, j = work.pairs[b, 0], work.pairs[b, 1]
             normal = work.normals[b]
-            force, slope, turning, _ = contact_tangent(
-                motion, work.end, gaps, i, j, iteration, physics.contact, work.normals, b
-            )
+            force, slope, turning, _ = contact_tangent(motion, work, gaps, b, iteration, physics.contact)
             for k in range(3):
                 along = force * normal[k]
                 residual[m + 3 * i + k] += along

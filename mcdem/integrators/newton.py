@@ -24,13 +24,14 @@ def starts_anew(iteration):
 
 
 @compiled
-def contact_tangent(motion, end, gaps, i, j, iteration, contact, normals, b):
-    """The force of contact b at the end of a step and how Newton's method takes it; fills its direction, row b of `normals`.
+def contact_tangent(motion, work, gaps, b, iteration, contact):
+    """The force of contact b at the end of a step and how Newton's method takes it; fills its direction in `work.normals`.
 
     iteration : the first takes it by its tangent at the old gap, one that starts anew as a linear spring about equilibrium
     Returns (force, slope, turning, stiffness): minus dF/dh, floored; tension over length; stiffness without load.
     """
-    positions, radii = motion.positions, motion.radii
+    positions, radii, end, normals = motion.positions, motion.radii, work.end, work.normals
+    i, j = work.pairs[b, 0], work.pairs[b, 1]
     x0, y0, z0 = (
         positions[i, 0] - positions[j, 0],
         positions[i, 1] - positions[j, 1],
@@ -107,9 +108,7 @@ def solve_contacts(motion, contacts, gaps, step, contact, work):
             residual[row] = work.driving[row] - residual[row]
         for b in range(contacts):
             i, j = work.pairs[b, 0], work.pairs[b, 1]
-            force, slope, turning, stiffness = contact_tangent(
-                motion, end, gaps, i, j, iteration, contact, normals, b
-            )
+            force, slope, turning, stiffness = contact_tangent(motion, work, gaps, b, iteration, contact)
             work.slopes[b], work.turnings[b] = slope, turning
             if keep and abs(slope - work.factor_slopes[b]) > 0.1 * stiffness:
                 keep = False

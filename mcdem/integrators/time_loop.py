@@ -49,7 +49,7 @@ class Bounds(NamedTuple):
 
 
 @compiled
-def room_between(gaps, labels):
+def gap_between(gaps, labels):
     """Smallest gap between primaries of different bodies."""
     smallest = np.inf
     for i in range(labels.shape[0]):
@@ -80,7 +80,7 @@ def follow_steps(group, flow, physics, options, log, watch, bounds):
                     groups = np.empty(work.labels.shape[0], np.int64)
                     if label_groups(part, work.labels, bodies, flow.gradient, bounds.separation, groups) > 1:
                         return PARTED
-                if bodies == 2 and quiet and room_between(group.gaps, work.labels) > bounds.loose:
+                if bodies == 2 and quiet and gap_between(group.gaps, work.labels) > bounds.loose:
                     return LOOSE
             elif quiet:
                 return SETTLED

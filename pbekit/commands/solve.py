@@ -90,15 +90,8 @@ def solve(
 
     check_solution(output, overwrite=overwrite)
     tables = [open_table(k) for k in kernels]
-    conditions, volume_fraction = conditions_given(
-        tables[0],
-        scene,
-        volume_fraction,
-        radius=radius,
-        viscosity=viscosity,
-        shear_rate=shear_rate,
-        cohesion=cohesion,
-    )
+    given = {"radius": radius, "viscosity": viscosity, "shear_rate": shear_rate, "cohesion": cohesion}
+    conditions, volume_fraction = conditions_given(tables[0], scene, volume_fraction, **given)
     for line in cautions(tables, volume_fraction, exact_to, largest):
         typer.secho(line, fg="yellow", err=True)
     interrupted = False

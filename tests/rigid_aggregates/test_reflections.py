@@ -1,4 +1,4 @@
-"""Two rigid aggregates near each other, held against the mobility of all their primaries and against fine steps."""
+"""Two rigid aggregates near each other, compared with the mobility of all their primaries and with fine steps."""
 
 from __future__ import annotations
 
