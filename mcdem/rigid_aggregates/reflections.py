@@ -388,8 +388,8 @@ class Stages(NamedTuple):
 def step_near(pair, level, flow, stages, step, margin):
     """Carry both bodies over one step by Runge & Kutta's fourth-order rule; stages holds the rates at its start.
 
-    Returns (whether all reflections settled, smallest gap in the middle).  Where they do not, or the gap is below the margin, both
-    stay where they are.
+    Returns (whether all reflections settled, smallest gap in the middle).  Where they do not, or the gap is below the margin,
+    both stay where they are.
     """
     turned, crossed = np.empty((3, 3)), np.zeros((3, 3))
     stages.turn_sum[:] = 0.0
