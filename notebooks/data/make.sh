@@ -83,7 +83,7 @@ if [[ $steps == *tables* ]]; then
             --encounters 400 --workers 1 --overwrite
         python -c '
 import sys
-from mcdem.kernel_tables import only_designed
+from mcdem.kernel_tables.runs import only_designed
 from pbekit.tables.kernel_table import KernelTable
 only_designed(KernelTable.load(sys.argv[1])).save(sys.argv[2])' "../kernels-${stress}Pa.nc" "designed-${stress}Pa.nc"
     done

@@ -1,5 +1,6 @@
 """Numbers that the prose states of committed data are those of the data."""
 
+import importlib
 import re
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 
 from mcdem.analysis.dataset import RunDataset, by_stress
 from mcdem.analysis.paper_comparison import JUDGED_CONVENTION, JUDGED_REGRESSION, breakup_exponents, compare
+from pbekit.tables.atlas import Atlas
 from pbekit.tables.kernel_table import SOURCES, KernelTable
 
 ROOT = Path(__file__).parents[2]
@@ -198,3 +200,22 @@ def test_a_case_says_of_itself_what_its_saved_numbers_say():
     firm = [row for row in every if (row["kind"], row["bonds"]) == ("fractal", motion.FIRM)]
     q, error = motion.exponent(firm, "first")
     assert said == (f"{q:.2f}", f"{error:.2f}")
+
+
+def test_the_script_that_makes_the_data_imports_what_there_is():
+    script = (DATA / "make.sh").read_text(encoding="utf-8")
+    lines = re.findall(r"^from ([\w.]+) import (\w+)$", script, re.MULTILINE)
+    assert lines
+    for module, name in lines:
+        assert hasattr(importlib.import_module(module), name), (module, name)
+
+
+@pytest.mark.parametrize("page", ["README.md", "CHANGELOG.md", "docs/howto/kernels.md"])
+def test_the_size_of_the_atlas_is_what_is_said(page):
+    atlas = Atlas.load()
+    text = " ".join((ROOT / page).read_text(encoding="utf-8").split())
+    (said,) = re.findall(r"([\d ]+) encounters (?:in dimensionless|at seven|over cohesion)", text)
+    assert int(said.replace(" ", "")) == round(sum(p.encounters for p in atlas.parts), -3)
+    if "cohesion numbers" in text:
+        assert "seven cohesion numbers" in text
+        assert len(atlas.cohesion_numbers) == 7
