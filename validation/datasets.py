@@ -19,7 +19,7 @@ DESIGNED, SERIES = FOLDER / "designed-1000Pa.nc", FOLDER / "run-1000Pa.nc"
 """Designed encounters of a table, and the run that the others are from."""
 FRACTAL_MOTION = Path(__file__).parent / "data" / "fractal_motion.json"
 ABSENT_EFFECTS = SAVED / "absent_effects.csv"
-BY_IMPORTANCE = SAVED / "until-error-1000Pa.nc"
+BY_IMPORTANCE = SAVED / "until-error-1000Pa.json"
 RUNS_AGAIN = "the first encounters of each run, by the case saved_runs_come_out_again"
 """Of cases that judge runs."""
 

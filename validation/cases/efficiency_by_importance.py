@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
+import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,29 +31,49 @@ def measure(context: Context):
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "table.nc"
         tabulate_until(scene, place, wanted=f"eta={QUICK if context.quick else WANTED}", pair="1+1", seed=2)
-        primaries = of_table(place)
-    return {"exact": [exact.efficiency, exact.error], "1 + 1": primaries, "10 + 10": of_table(datasets.BY_IMPORTANCE)} | {
-        "plain": plain()
-    }  # fmt: skip
+        primaries = of_sums(sums_of_table(place))
+    saved = json.loads(datasets.BY_IMPORTANCE.read_text(encoding="utf-8"))
+    return {
+        "exact": [exact.efficiency, exact.error],
+        "1 + 1": primaries,
+        "10 + 10": of_sums(saved),
+        "plain": plain(),
+    }
 
 
-def of_table(path: Path) -> dict[str, float]:
-    """Share that aggregated by the weights, its stated error, and what plain sampling to the same error would have taken."""
+def sums_of_table(path: Path) -> dict[str, Any]:
+    """What of a table decides here: encounters and their CPU time [s] by weight and by whether they aggregated."""
     from pbekit.tables.kernel_table import AGGREGATION, KernelTable
 
     table = KernelTable.load(path)
     r = table.records
-    eta = float((r.weight * (r.outcome == AGGREGATION)).sum() / r.weight.sum())
-    error = float(table.about["eta_standard_error"])
-    encounters = eta * (1.0 - eta) / error**2
+    groups, which = np.unique(
+        np.stack([r.weight, r.outcome == AGGREGATION], axis=1), axis=0, return_inverse=True
+    )
+    which = which.ravel()
+    columns = groups[:, 0], groups[:, 1], np.bincount(which), np.bincount(which, r.cpu_time)
+    return {
+        "eta_standard_error": float(table.about["eta_standard_error"]),
+        "columns": ["weight", "aggregated", "encounters", "CPU time [s]"],
+        "rows": [[float(f"{value:.9g}") for value in row] for row in zip(*columns, strict=True)],
+    }
+
+
+def of_sums(sums: dict[str, Any]) -> dict[str, float]:
+    """Share that aggregated by the weights, its stated error, and what plain sampling to the same error would have taken."""
+    weight, aggregated, encounters, cpu_time = np.array(sums["rows"]).T
+    flux = float((weight * encounters).sum())
+    eta = float((weight * aggregated * encounters).sum()) / flux
+    error = float(sums["eta_standard_error"])
+    plain_encounters = eta * (1.0 - eta) / error**2
     return {
         "eta": eta,
         "error": error,
-        "encounters": len(r),
-        "plain_encounters": encounters,
-        "cpu_time": float(r.cpu_time.sum()),
+        "encounters": float(encounters.sum()),
+        "plain_encounters": plain_encounters,
+        "cpu_time": float(cpu_time.sum()),
         # The mean time of an encounter by the flux is one over the weights, of the same encounters.
-        "plain_cpu_time": encounters * float((r.weight * r.cpu_time).sum() / r.weight.sum()),
+        "plain_cpu_time": plain_encounters * float((weight * cpu_time).sum()) / flux,
     }
 
 
@@ -111,3 +134,6 @@ CASE = Case(
     anew="the table of 1 + 1 and its exact efficiency",
     seen=("weights_lost",),
 )
+
+if __name__ == "__main__":  # the saved sums of a table
+    json.dump(sums_of_table(Path(sys.argv[1])), sys.stdout)
