@@ -294,12 +294,19 @@ def bear(pair):
 
 @compiled
 def rates_and_load(one, turn, centre, gradient, velocity, spin):
-    """Velocity and angular velocity (3,) of a body; returns the present loads, in the mean strain at its primaries."""
+    """Velocity and angular velocity (3,) of a body; returns its largest load, in the strain at any primary, and its tension.
+
+    The tension is that in the mean strain.  What the other body does bends it too, which no one strain says.
+    """
     n = one.radii.shape[0]
-    seen = one.seen.copy()
+    mean, there = one.seen.copy(), np.empty(5)
+    load = 0.0
     for i in range(n):
         for k in range(5):
-            seen[k] -= one.disturbance[5 * i + k] / n
+            there[k] = one.seen[k] - one.disturbance[5 * i + k]
+            mean[k] -= one.disturbance[5 * i + k] / n
+        worst, _ = present_load(one.body, there)
+        load = max(load, worst)
     for k in range(3):
         spin[k] = spin_component(gradient, k)
         velocity[k] = gradient[k, 0] * centre[0] + gradient[k, 1] * centre[1] + gradient[k, 2] * centre[2]
@@ -311,7 +318,8 @@ def rates_and_load(one, turn, centre, gradient, velocity, spin):
         for k in range(3):
             velocity[k] += turn[k, c] * own_drift
             spin[k] += turn[k, c] * own_spin
-    return present_load(one.body, seen)
+    worst, tension = present_load(one.body, mean)
+    return max(load, worst), tension
 
 
 @separately_compiled(types.Tuple((types.boolean, types.float64, types.float64)))
