@@ -78,6 +78,8 @@ LOOSE_MARGINS = 2.0
 """Gap, over that below which primaries have to be followed, beyond which bodies pass as such again."""
 STILL_FLOPPY = 2.0
 """What was not rigid is looked at again after this many quiet times."""
+PIECE = 200_000
+"""Steps of compiled code between two looks for signals, times the square of the number of primaries."""
 WEAK = 0.01
 """Direct force [6 pi mu a^2 g] between two primaries that hardly moves them: by a hundredth of a radius in a strain of one."""
 
@@ -230,7 +232,7 @@ def follow(part: Motion, waiting: Waiting, course: Course) -> Ended:
     # One that could not turn as a body to the end was just found to bear too much.
     found = n > 1 and waiting.posture is None
     watch = new_watch(log, waiting.quiet_since if found else course.now)
-    piece = max(200_000 // n**2, 1)
+    piece = max(PIECE // n**2, 1)
     quiet_time = shortcuts.quiet_time if shortcuts.rigid_rotation or shortcuts.end_stable else math.inf
     while True:
         recording.keep(course.frames, part, members, course.physics, course.now)
@@ -514,10 +516,12 @@ def pass_near_each_other(pair: RigidPair, course: Course) -> Ended | None:
     if near is None:
         return None
     passing, code, began = pair.passing(course.shortcuts), OVER, course.now
+    # In pieces, as in `follow`.
+    piece = max(PIECE // sum(len(part.radii) for part in pair.parts) ** 2, 1)
     while code == OVER and course.now < course.end - 1e-9:
         duration = min(course.end, course.next_frame) - course.now
         limits = Limits(duration, LONGEST_STEP, course.shortcuts.load_limit)
-        code, elapsed, load, gap = pass_near(near, course.physics.level, course.flow, passing, limits)
+        code, elapsed, load, gap = pass_near(near, course.physics.level, course.flow, passing, limits, piece)
         course.skip(elapsed)
         course.log.smallest_gap[0] = min(course.log.smallest_gap[0], gap)
         pair.note(course.log, load)

@@ -49,7 +49,7 @@ each other at a gap of a radius, they are within 1e-4 a of where a twentieth of 
 APART = 0  # surely
 NEAR = 1  # two primaries came closer than the margin
 LOADED = 2  # a contact would bear more than its limit, or the reflections do not settle
-OVER = 3  # its time is over
+OVER = 3  # its time is over, or so many steps are taken
 
 
 class Side(NamedTuple):
@@ -437,8 +437,8 @@ def step_near(pair, level, flow, stages, step, margin):
 
 
 @separately_compiled(types.Tuple((types.int64, types.float64, types.float64, types.float64)))
-def pass_near(pair, level, flow, passing, limits):
-    """Let two rigid bodies pass each other, in steps of limits.step at most.
+def pass_near(pair, level, flow, passing, limits, most_steps):
+    """Let two rigid bodies pass each other, in `most_steps` of limits.step at most.
 
     Returns (APART, NEAR, LOADED or OVER, time passed, largest tension over strength, smallest gap).
     """
@@ -446,9 +446,9 @@ def pass_near(pair, level, flow, passing, limits):
     stages = Stages(
         np.empty((2, 3, 3)), np.empty((2, 3)), velocities, spins, np.empty((2, 3, 3)), np.empty((2, 3))
     )
-    elapsed, largest, closest = 0.0, 0.0, np.inf
+    elapsed, largest, closest, steps = 0.0, 0.0, np.inf, 0
     centres, reaches = pair.centres, passing.reaches
-    while elapsed < limits.duration - 1e-12:
+    while elapsed < limits.duration - 1e-12 and steps < most_steps:
         settled, load, tension = reflected_rates(pair, level, pair.turns, centres, flow, velocities, spins)
         if not settled or load > limits.load:
             return LOADED, elapsed, largest, closest
@@ -473,4 +473,5 @@ def pass_near(pair, level, flow, passing, limits):
             return LOADED if not settled else NEAR, elapsed, largest, closest
         closest = min(closest, gap)
         elapsed += step
+        steps += 1
     return OVER, elapsed, largest, closest
