@@ -27,13 +27,12 @@ def gather(target: Path, gallery: bool) -> None:
     for name in INCLUDED:
         wanted[target / "included" / Path(name).name] = ROOT / name
     if gallery:
-        from docs.notebooks import executed, notebooks
+        from docs.notebooks import all_executed
 
         for name in ("README.md", "make.sh"):
             wanted[target / "gallery/data" / name] = ROOT / "notebooks/data" / name
-        for path in notebooks():
-            print(f"notebook {path.name}", flush=True)
-            wanted[target / "gallery" / path.name] = executed(path)
+        for path, with_output in all_executed().items():
+            wanted[target / "gallery" / path.name] = with_output
     from docs.extensions.reference import packages
 
     made = {target / "reference" / f"{package}.rst": page_of(package) for package in packages()}

@@ -1,13 +1,15 @@
 """The notebooks, executed: the pages of the gallery.
 
 They are stored without their output.  What they show is kept in `build/notebooks` under a name that changes with the notebook,
-the committed data and the code of both packages; the test that runs the notebooks fills it too.
+the committed data and the code of both packages.
 """
 
 from __future__ import annotations
 
 import ast
 import hashlib
+import os
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
@@ -15,6 +17,8 @@ import nbformat
 
 ROOT = Path(__file__).parents[1]
 KEPT = ROOT / "build/notebooks"
+LONG = ("02", "05")
+"""Numbers of the notebooks that take longest."""
 
 
 def notebooks() -> list[Path]:
@@ -61,18 +65,32 @@ def kept(path: Path) -> Path:
     return KEPT / f"{path.stem}-{name}.ipynb"
 
 
+def run(path: Path) -> nbformat.NotebookNode:
+    """The notebook, executed now; raises nbclient's CellExecutionError of a cell that fails."""
+    from nbclient import NotebookClient
+
+    notebook = nbformat.read(path, as_version=4)
+    NotebookClient(
+        notebook, timeout=1200, kernel_name="python3", resources={"metadata": {"path": str(path.parent)}}
+    ).execute()
+    return notebook
+
+
 def executed(path: Path) -> Path:
     """The notebook with its output, executed unless it is kept."""
     place = kept(path)
     if not place.exists():
-        from nbclient import NotebookClient
-
-        notebook = nbformat.read(path, as_version=4)
-        NotebookClient(
-            notebook, timeout=1200, kernel_name="python3", resources={"metadata": {"path": str(path.parent)}}
-        ).execute()
-        keep(path, notebook)
+        print(f"notebook {path.name}", flush=True)
+        keep(path, run(path))
     return place
+
+
+def all_executed() -> dict[Path, Path]:
+    """Every notebook and where it lies with its output; as many are executed at a time as there are processors, at most four."""
+    # The longest first: begun last, one of them would keep one processor busy alone at the end.
+    order = sorted(notebooks(), key=lambda path: path.stem[:2] not in LONG)
+    with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as pool:
+        return dict(zip(order, pool.map(executed, order), strict=True))
 
 
 def keep(path: Path, notebook: nbformat.NotebookNode) -> None:

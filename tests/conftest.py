@@ -17,7 +17,6 @@ hypothesis.settings.register_profile("repeatable", deadline=None, derandomize=Tr
 hypothesis.settings.load_profile("repeatable")
 
 LONGEST = (
-    "test_notebooks",
     "test_validation",
     "test_compilation",
     "test_endings",
@@ -45,14 +44,10 @@ def pytest_collection_modifyitems(items):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Under `--dist loadfile`: files in the order above, not in that of their numbers of tests; notebooks each by itself."""
+    """Under `--dist loadfile`: files in the order above, not in that of their numbers of tests."""
     if config.getoption("dist") != "loadfile":
         return None
     from xdist.scheduler import LoadFileScheduling
 
-    class LongestFirst(LoadFileScheduling):
-        def _split_scope(self, nodeid):
-            return nodeid if _file_of(nodeid) == "test_notebooks" else super()._split_scope(nodeid)
-
     config.option.loadscopereorder = False
-    return LongestFirst(config, log)
+    return LoadFileScheduling(config, log)

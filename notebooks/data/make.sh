@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Makes the data of the notebooks: runs of the paper's suspension, compressed, and what is derived from them.
 #
-#     bash notebooks/data/make.sh WORK [STEP...]        steps: runs edges changed tables atlas sensitivity paper_scheme; all by default
+#     bash notebooks/data/make.sh WORK [STEP...]        steps: runs edges changed sensitivity tables atlas paper_scheme; all by default
 #
 # Whole runs and tables go to the folder WORK and are continued from there, so it may be stopped at any time and called again;
 # results go to WORK/data. Two runs at a time need about four hours in all; JOBS=8 makes it eight at a time.
@@ -10,7 +10,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 scenes=$(cd "$here/../../scenes" && pwd)
 work=${1:?where the whole runs go}
 shift
-all='runs edges changed tables atlas sensitivity paper_scheme'
+all='runs edges changed sensitivity tables atlas paper_scheme'
 steps=${*:-$all}
 for step in $steps; do
     [[ " $all " == *" $step "* ]] || { echo "no step $step; expected some of: $all" >&2; exit 2; }
@@ -75,12 +75,32 @@ if [[ $steps == *changed* ]]; then
 fi
 
 cd data
+if [[ $steps == *sensitivity* ]]; then
+    of_groups=(
+        --set "effects.van_der_waals.minimum_approach=0.3 nm"
+        --set "effects.van_der_waals.hamaker_constant=2e-20 J"
+        --set "effects.jkr.elastic_modulus=13.6 GPa"
+    )
+    mcdem sensitivity "$scenes/paper-1000Pa.toml" --from run-1000Pa.nc --encounters 1000 --seed 1 -o sensitivity-1000Pa.png --overwrite \
+        --set hydrodynamics.lubrication_cutoff=2e-3,1e-2 \
+        --set "effects.van_der_waals.london_wavelength=200 nm,none" \
+        --set numerics.rotations=1,32 --set numerics.implicit.max_step=0.1 \
+        "${of_groups[@]}"
+    for stress in 750 875 1250 1500; do # for the tables: what a group that differs does to their outcomes
+        run=run-${stress}Pa.nc
+        [[ -e $run ]] || run=run-${stress}Pa-of-100.nc
+        mcdem sensitivity "$scenes/paper-${stress}Pa.toml" --from "$run" --encounters 600 --seed 1 \
+            -o "sensitivity-${stress}Pa.png" --overwrite \
+            --set "effects.van_der_waals.london_wavelength=200 nm" "${of_groups[@]}"
+    done
+fi
+
 if [[ $steps == *tables* ]]; then
     for stress in 750 875 1000 1250 1500; do
         run=run-${stress}Pa.nc # the second run at 1000 Pa is left to compare with
         [[ -e $run ]] || run=run-${stress}Pa-of-100.nc
         mcdem kernels "$scenes/paper-${stress}Pa.toml" --from "$run" -o "../kernels-${stress}Pa.nc" \
-            --encounters 400 --workers 1 --overwrite
+            --encounters 400 --sensitivity sensitivity-${stress}Pa.csv --workers 1 --overwrite
         python -c '
 import sys
 from mcdem.kernel_tables.runs import only_designed
@@ -99,14 +119,6 @@ if [[ $steps == *atlas* ]]; then
     for stress in 600 2000; do
         (cd .. && mcdem kernels "run-${stress}Pa-of-100.toml" --from "run-${stress}Pa-of-100.nc" --into atlas.nc)
     done
-fi
-
-if [[ $steps == *sensitivity* ]]; then
-    mcdem sensitivity "$scenes/paper-1000Pa.toml" --from run-1000Pa.nc --encounters 1000 --seed 1 -o sensitivity-1000Pa.png --overwrite \
-        --set hydrodynamics.lubrication_cutoff=2e-3,1e-2 \
-        --set "effects.van_der_waals.london_wavelength=200 nm,none" \
-        --set numerics.rotations=1,32 --set numerics.max_step=0.1 \
-        --set "effects.van_der_waals.minimum_approach=0.3 nm"
 fi
 
 if [[ $steps == *paper_scheme* ]]; then

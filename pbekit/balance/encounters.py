@@ -305,9 +305,9 @@ class Assembled:
     """The compiled arrays of a set of events on a grid."""
 
     geometry: compiled.Geometry
-    encounters: compiled.Encounters | None
-    first_order: compiled.FirstOrder | None
-    restructuring: compiled.Restructuring | None
+    encounters: compiled.Encounters
+    first_order: compiled.FirstOrder
+    restructuring: compiled.Restructuring
 
 
 class _Variants:
@@ -348,16 +348,20 @@ def assemble(grid: Grid | TwoComponentGrid, events: Sequence[Event], scheme: str
 
     pair_events = [e for e in events if isinstance(e, (Aggregation, CollisionalBreakup))]
     encounters = (
-        _encounters(grid, pair_events, class_start, group, variants, scheme, closed) if pair_events else None
+        _encounters(grid, pair_events, class_start, group, variants, scheme, closed)
+        if pair_events
+        else compiled.NO_ENCOUNTERS
     )
     first = [e for e in events if isinstance(e, Breakage)]
-    first_order = _first_order(grid, first, variants.offset, scheme, closed) if first else None
+    first_order = (
+        _first_order(grid, first, variants.offset, scheme, closed) if first else compiled.NO_FIRST_ORDER
+    )
     reshaping = [e for e in events if isinstance(e, Restructuring)]
     if len(reshaping) > 1:
         raise PBEError(
             "events: give one Restructuring, with the kernels and transitions of all of them together"
         )
-    restructuring = _restructuring(grid, reshaping[0]) if reshaping else None
+    restructuring = _restructuring(grid, reshaping[0]) if reshaping else compiled.NO_RESTRUCTURING
 
     step = (
         (lambda by: grid.neighbour(by))

@@ -72,6 +72,21 @@ class Restructuring(NamedTuple):
     transition: np.ndarray  # (G, K, most shapes) probability of the shape after
 
 
+# What a balance lacks is there without entries, so that one compiled function serves every balance.
+NO_PRODUCTS = Products(
+    np.zeros(1, np.int64), np.zeros(1, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
+)
+NO_ENCOUNTERS = Encounters(np.zeros((0, 0, 0)), np.zeros((0, 0), np.int64), NO_PRODUCTS)
+NO_FIRST_ORDER = FirstOrder(np.zeros(0), NO_PRODUCTS)
+NO_RESTRUCTURING = Restructuring(
+    np.zeros((0, 0)),
+    np.zeros(1, np.int64),
+    np.zeros(0, np.int64),
+    np.zeros(0, np.int64),
+    np.zeros((0, 0, 0)),
+)
+
+
 @njit(cache=True, fastmath=FAST)
 def _add_products(products, rows, frequency, slots, slot_mass):
     """Add the products of events to the slots: those of row rows[k] at frequency[k]."""
@@ -125,19 +140,26 @@ def _pair_rates(n, class_start, encounters, slots, slot_mass, consumed):
                 for i in range(max(class_start[a], 0), class_start[a + 1]):
                     frequency += partial[i]
                 events[row[e, b * (b + 1) // 2 + a]] += 0.5 * frequency if a == b else frequency
-    _add_products(products, np.arange(events.size), events, slots, slot_mass)
+    rows = np.empty(events.size, np.int64)
+    for k in range(events.size):
+        rows[k] = k
+    _add_products(products, rows, events, slots, slot_mass)
 
 
 @njit(cache=True)
 def _first_order_rates(n, first_order, slots, slot_mass, consumed):
-    consumed += first_order.rate
-    _add_products(first_order.products, np.arange(n.size), first_order.rate * n, slots, slot_mass)
+    rate = first_order.rate
+    rows, frequency = np.empty(rate.size, np.int64), np.empty(rate.size)
+    for k in range(rate.size):
+        consumed[k] += rate[k]
+        rows[k], frequency[k] = k, rate[k] * n[k]
+    _add_products(first_order.products, rows, frequency, slots, slot_mass)
 
 
 @njit(cache=True, fastmath=FAST)
 def _restructure(n, restructuring, out):
     start = restructuring.partner_start
-    for i in range(n.size):
+    for i in range(restructuring.first_cell.size):
         first = restructuring.first_cell[i]
         after = out[first : first + restructuring.shapes[i]]
         for g in range(start.size - 1):
@@ -202,22 +224,21 @@ def right_hand_side(n, geometry, encounters, first_order, restructuring, average
     slot_mass = np.zeros(slots.size if averaged else 0)
     consumed = np.zeros(cells)
     population = n[:cells]
-    if encounters is not None:
-        _pair_rates(population, geometry.class_start, encounters, slots, slot_mass, consumed)
-    if first_order is not None:
-        _first_order_rates(population, first_order, slots, slot_mass, consumed)
-    out[:] = 0.0
+    _pair_rates(population, geometry.class_start, encounters, slots, slot_mass, consumed)
+    _first_order_rates(population, first_order, slots, slot_mass, consumed)
+    for k in range(out.size):
+        out[k] = 0.0
     if averaged:
         births, birth_mass = np.zeros(cells + geometry.tail), np.zeros(cells)
         _births(geometry, slots, slot_mass, births, birth_mass)
         _spread(geometry, births[:cells], birth_mass, out)
-        out[cells:] += births[cells:]
+        for t in range(cells, out.size):
+            out[t] += births[t]
     else:
         _births(geometry, slots, slot_mass, out, slot_mass)
     for k in range(cells):
         out[k] -= consumed[k] * population[k]
-    if restructuring is not None:
-        _restructure(population, restructuring, out)
+    _restructure(population, restructuring, out)
 
 
 @njit(cache=True, fastmath=FAST)
@@ -237,25 +258,27 @@ def _pair_slopes(n, class_start, encounters, slots, slot_mass, transposed):
                         met[b] += weight[e, i, j] * n[j]
                 into_mass = slot_mass[i] if slot_mass.shape[0] > 0 else nothing
                 _add_products(encounters.products, rows, met, slots[i], into_mass)
-                transposed[i, i] -= met.sum()
                 loss, rate = transposed[i], weight[e, i]
+                for b in range(classes):
+                    loss[i] -= met[b]
                 for j in range(n.size):
                     loss[j] -= n[j] * rate[j]
 
 
 @njit(cache=True)
 def _first_order_slopes(first_order, slots, slot_mass, transposed):
-    nothing = np.zeros(0)
+    row, nothing = np.empty(1, np.int64), np.zeros(0)
     for i in range(first_order.rate.size):
+        row[0] = i
         transposed[i, i] -= first_order.rate[i]
         into_mass = slot_mass[i] if slot_mass.shape[0] > 0 else nothing
-        _add_products(first_order.products, np.array([i]), first_order.rate[i : i + 1], slots[i], into_mass)
+        _add_products(first_order.products, row, first_order.rate[i : i + 1], slots[i], into_mass)
 
 
 @njit(cache=True, fastmath=FAST)
 def _restructure_slopes(n, restructuring, transposed):
     start = restructuring.partner_start
-    for i in range(n.size):
+    for i in range(restructuring.first_cell.size):
         first = restructuring.first_cell[i]
         last = first + restructuring.shapes[i]
         for g in range(start.size - 1):
@@ -284,12 +307,9 @@ def jacobian_transposed(n, geometry, encounters, first_order, restructuring, ave
     slots = np.zeros((cells, variants * width))
     slot_mass = np.zeros((cells if averaged else 0, variants * width))
     transposed = np.zeros((cells + tail, cells + tail))
-    if encounters is not None:
-        _pair_slopes(population, geometry.class_start, encounters, slots, slot_mass, transposed)
-    if first_order is not None:
-        _first_order_slopes(first_order, slots, slot_mass, transposed)
-    if restructuring is not None:
-        _restructure_slopes(population, restructuring, transposed)
+    _pair_slopes(population, geometry.class_start, encounters, slots, slot_mass, transposed)
+    _first_order_slopes(first_order, slots, slot_mass, transposed)
+    _restructure_slopes(population, restructuring, transposed)
     nothing = np.zeros(0)
     if not averaged:
         for i in range(cells):
@@ -297,10 +317,8 @@ def jacobian_transposed(n, geometry, encounters, first_order, restructuring, ave
         return transposed
     # The side of each pivot is frozen at the present births: between its kinks the cell average is linear in them.
     now, now_mass, idle = np.zeros(variants * width), np.zeros(variants * width), np.zeros(cells)
-    if encounters is not None:
-        _pair_rates(population, geometry.class_start, encounters, now, now_mass, idle)
-    if first_order is not None:
-        _first_order_rates(population, first_order, now, now_mass, idle)
+    _pair_rates(population, geometry.class_start, encounters, now, now_mass, idle)
+    _first_order_rates(population, first_order, now, now_mass, idle)
     births, birth_mass = np.zeros(cells + tail), np.zeros(cells)
     _births(geometry, now, now_mass, births, birth_mass)
     target = np.empty(cells, np.int64)
@@ -317,5 +335,6 @@ def jacobian_transposed(n, geometry, encounters, first_order, restructuring, ave
                 moved = (mass[k] - x * number[k]) / (geometry.mass[other] - x)
                 transposed[i, k] += number[k] - moved
                 transposed[i, other] += moved
-        transposed[i, cells:] += number[cells:]
+        for t in range(cells, number.size):
+            transposed[i, t] += number[t]
     return transposed

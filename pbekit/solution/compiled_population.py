@@ -64,7 +64,14 @@ class Samples(NamedTuple):
 @njit(cache=True)
 def _pick(cumulative, rng):
     """Index drawn from cumulative probabilities that end at one."""
-    return min(np.searchsorted(cumulative, rng.random(), side="right"), cumulative.size - 1)
+    drawn, low, high = rng.random(), 0, cumulative.size - 1
+    while low < high:
+        middle = (low + high) // 2
+        if cumulative[middle] > drawn:
+            high = middle
+        else:
+            low = middle + 1
+    return low
 
 
 @njit(cache=True)
@@ -135,9 +142,9 @@ def finite_population(lookup, population, times, rng, samples):
                 sample += 1
             if sample == times.size:
                 return met
-            i = rng.integers(0, number)
-            j = rng.integers(0, number - 1)
-            j += j >= i
+            i, j = int(number * rng.random()), int((number - 1) * rng.random())
+            if j >= i:
+                j += 1
             a, b = cells[i], cells[j]
             cube = m[2, a] + 3 * m[1, a] * m[0, b] + 3 * m[0, a] * m[1, b] + m[2, b]
             if rng.random() * bound < lookup.rate * cube:
@@ -189,8 +196,8 @@ def finite_population(lookup, population, times, rng, samples):
             number -= 1
             _place(lookup, population, cells, j, sizes[number], shapes[number])
         if number < keep:
-            sizes[number : 2 * number], shapes[number : 2 * number] = sizes[:number], shapes[:number]
-            cells[number : 2 * number] = cells[:number]
+            for k in range(number):
+                sizes[number + k], shapes[number + k], cells[number + k] = sizes[k], shapes[k], cells[k]
             number *= 2
             volume *= 2.0
         largest = new if new >= largest else -1.0 if left == largest else largest

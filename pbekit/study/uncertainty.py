@@ -340,7 +340,6 @@ def _values(balance: PopulationBalance, value: np.ndarray) -> np.ndarray:
     """(3, K, K) change of the output per event: survive, join, scatter."""
     arrays, cells = balance.arrays, balance.cells
     g, enc = arrays.geometry, arrays.encounters
-    assert enc is not None, "a table's balance has encounters"
     slot = np.zeros((len(g.share), balance.grid.sizes + g.tail))
     slot[:, : balance.grid.sizes] = _slot_values(balance, value)
     made = enc.products
@@ -356,7 +355,7 @@ def _values(balance: PopulationBalance, value: np.ndarray) -> np.ndarray:
     parents = value[:, None] + value[None]
     out[JOIN], out[SCATTER] = products[0] - parents, products[1] - parents
     r = arrays.restructuring
-    if r is not None:
+    if r.first_cell.size:
         shapes = r.transition.shape[2]
         spread = np.zeros((cells, shapes))
         size = np.bincount(g.size_of_cell)[g.size_of_cell]
@@ -389,7 +388,6 @@ def _fragment_slopes(
     )
     flux[same] = inner
     g, enc = balance.arrays.geometry, balance.arrays.encounters
-    assert enc is not None, "a table's balance has encounters"
     variant = enc.products.slot[enc.products.row[enc.row[1, -1]]] // (grid.sizes + g.tail)
     slot = np.append(_slot_values(balance, value)[variant], [0.0, 0.0])
     near, fragments = estimated._fragment_norm, estimated._fragments

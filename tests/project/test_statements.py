@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mcdem
 from mcdem.analysis.dataset import RunDataset, by_stress
 from mcdem.analysis.paper_comparison import JUDGED_CONVENTION, JUDGED_REGRESSION, breakup_exponents, compare
 from pbekit.tables.atlas import Atlas
@@ -208,6 +209,19 @@ def test_the_script_that_makes_the_data_imports_what_there_is():
     assert lines
     for module, name in lines:
         assert hasattr(importlib.import_module(module), name), (module, name)
+
+
+def test_the_script_that_makes_the_data_changes_keys_that_there_are():
+    script = (DATA / "make.sh").read_text(encoding="utf-8")
+    scene = mcdem.load_scene(ROOT / "scenes/paper-1000Pa.toml")
+    changes = [
+        (key, value)
+        for key, values in re.findall(r'--set "?([\w.]+)=([^"\s]+(?: \w+)?)', script)
+        for value in values.split(",")
+    ]
+    assert len(changes) >= 8
+    for key, value in changes:
+        scene.with_changes({key: value})
 
 
 @pytest.mark.parametrize("page", ["README.md", "CHANGELOG.md", "docs/howto/kernels.md"])
